@@ -6,7 +6,8 @@
 # computed.*
 #
 # Below, an arm of two links follows a target in small steps. Each step is computed from how the tip moves when a joint
-# turns a little. Section 1 explains the numbers below the picture.
+# turns a little. The question is about a stretched arm; the simulation starts bent. Section 1 explains the numbers
+# below the picture.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes. The interview answers in section 9 are not counted.
@@ -31,7 +32,7 @@ simulation("arm")
 #
 # ## How this chapter works
 #
-# On the cards that show a statement you choose between *true*, *false* and *true only if*. Derivations are folded away.
+# On the cards that show a statement you choose between *true*, *false* and *true only if*.
 # Every measured number comes from a cell on this page, from a chart, or from a check that `python -m course.derivations
 # 4` runs again. The code is the package `course.kinematics`. These exercises wait in section 7:
 
@@ -53,6 +54,7 @@ from IPython.display import Markdown
 from course import kinematics, rigid_body
 from course.cards import figures, interview
 from course.charts import read
+from course.charts.kinematics import motion
 from course.derivations import more_claims, show
 from course.kinematics import ik, jacobian, panda, planar, tip, two_link_ik
 from course.rigid_body.quaternion import to_matrix
@@ -82,8 +84,7 @@ def print_figures(chart, *rows):
 #
 # ### Forward kinematics: where is the hand?
 #
-# The motors of an arm know angles. The task is about a place: the cup stands 60 cm in front of the base. So the first
-# question is where the hand is for given angles.
+# The motors of an arm know angles. The task is about a place: the cup stands 60 cm in front of the base.
 #
 # An arm is a chain of rigid **links** connected by **joints**. A *revolute* joint (R) turns, a *prismatic* joint
 # slides. The **end effector** is what does the work at the end of the chain: a gripper, a tool. We call the point on
@@ -92,14 +93,14 @@ def print_figures(chart, *rows):
 # is position and orientation. **Forward kinematics**, FK, maps the first to the second.
 #
 # Attach a coordinate frame to each joint. A **homogeneous transform** is the $4\times4$ matrix that contains the
-# rotation and the position of one frame in another; multiplying two of them chains them. Let $A_i$ be the fixed
-# transform from the frame of joint $i-1$ to the frame of joint $i$, and let $R_z(q_i)$ be the turn of frame $i$ about
-# its own $z$ axis by the joint angle. If all joints are revolute,
+# position and the rotation of one frame in another; multiplying two of them chains them. Let $A_i$ be the fixed pose
+# of frame $i$ in frame $i-1$ while joint $i$ is at angle zero, and let $R_z(q_i)$ be the turn of frame $i$ about its
+# own $z$ axis by the joint angle. If all joints are revolute, and $T_{\text{tool}}$ is the pose of the tip in the last
+# frame,
 #
 # $$T_{\text{tip}} = A_1\,R_z(q_1)\;A_2\,R_z(q_2)\cdots A_n\,R_z(q_n)\;T_{\text{tool}} .$$
 #
-# (A prismatic joint has a shift along $z$ in place of the turn.) There is exactly one result, it always exists, and it
-# depends smoothly on $q$.
+# The result always exists, is unique, and depends smoothly on $q$.
 
 # %% tags=["hide-code"]
 lengths, posture = (1.0, 0.8), np.radians([30.0, 60.0])
@@ -173,7 +174,8 @@ more_claims("two_link_position")
 #
 # Three descriptions say where the joints are.
 #
-# **Homogeneous transforms**, six numbers per joint, are used by URDF robot files and this course's `Chain`.
+# **Homogeneous transforms** place each joint's frame with six numbers. URDF robot files use them (with an axis
+# direction in addition), and so does this course's `Chain`.
 #
 # **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. You may shift each
 # frame along its joint's axis and turn it about this axis, so that two of the six numbers become zero. The transform of
@@ -181,11 +183,12 @@ more_claims("two_link_position")
 #
 # $$D_i(q_i) = R_z(q_i)\;\mathrm{Trans}_z(d_i)\;\mathrm{Trans}_x(a_i)\;R_x(\alpha_i) .$$
 #
-# For our two links, $a_1 = l_1$, $a_2 = l_2$, and every $d$ and $\alpha$ is zero. Base and tool still need full
-# transforms. The two most common conventions are the original one (1955), shown here, and Craig's, which orders the
-# factors differently and is used for the published numbers of the Panda. Read in the wrong convention, a table
-# describes a different arm. The cell has the table of the 7-R arm in the original convention, with the tool in the last
-# row:
+# For our two links, $a_1 = l_1$, $a_2 = l_2$, and every $d$ and $\alpha$ is zero. The two most common conventions are
+# the original one (1955), shown here, and Craig's, which orders the factors differently and is used for the published
+# numbers of the Panda. Read in the wrong convention, a table describes a different arm.
+#
+# In general base and tool still need full transforms. The tool of our 7-R arm lies along the last axis, so it fits
+# into the table as the $d$ of the last row:
 
 
 # %% tags=["show-code"]
@@ -246,14 +249,14 @@ _ = axis.legend(fontsize=10, loc=(0.53, 0.27))
 plt.show()
 
 # %% [markdown]
-# The numbers are those of the frames. Two frames may share one origin, as 1 and 2 do: only the axes turn there. The
-# next frame stands $d$ along this frame's $z$, then $a$ along its own $x$.
+# The numbers in the drawing are those of the frames. Frames 1 and 2 share one origin: only their axes differ. To get
+# from one frame to the next, go $d$ along this frame's $z$ (blue bar), then $a$ along the next frame's $x$ (red bar).
 #
-# The **product of exponentials** needs no frame between base and tip. It describes each joint by a **screw**. For a
-# revolute joint, that is the axis in space about which it turns. The velocity of a rigid body is a **twist** $V =
-# (\omega, v)$. $\omega$ is its angular velocity. For $v$, imagine the body large enough to cover the origin; $v$ is its
-# velocity there. A joint that turns at 1 rad/s about an axis along the unit vector $\hat\omega$ through the point $c$
-# has the twist
+# The **product of exponentials** needs no frame between base and tip. It describes each joint by the motion that the
+# joint causes. The velocity of a rigid body is a **twist** $(\omega, v)$. $\omega$ is its angular velocity. For $v$,
+# imagine the body large enough to cover the origin; $v$ is its velocity there. Let a joint turn at 1 rad/s about an
+# axis along the unit vector $\hat\omega$ through the point $c$. The twist that it causes is called the **screw** of
+# the joint:
 #
 # $$S = \begin{pmatrix} \hat\omega \\ c\times\hat\omega \end{pmatrix}, \qquad
 # [S] = \begin{pmatrix} {[\hat\omega]} & c\times\hat\omega \\ 0 & 0 \end{pmatrix},$$
@@ -291,27 +294,32 @@ plt.show()
 # %% [markdown]
 # Left: a twist assigns a velocity to every point of space; these velocities circle around the axis. The red arrow is
 # $v$ (drawn shorter), the velocity at the origin. A body that moves with the constant twist $S$ through the angle $q$
-# is displaced by the matrix exponential $e^{[S]q}$, the rotation about that axis. With $M$, the pose of the tip in the
-# zero posture,
+# is displaced by the matrix exponential $e^{[S]q}$, the rotation about that axis. With $T_0$, the pose of the tip in
+# the zero posture,
 #
-# $$T_{\text{tip}} = e^{[S_1]q_1}\;e^{[S_2]q_2}\cdots e^{[S_n]q_n}\;M .$$
+# $$T_{\text{tip}} = e^{[S_1]q_1}\;e^{[S_2]q_2}\cdots e^{[S_n]q_n}\;T_0 .$$
 #
 # All screws are written down once, in the zero posture. Read the product from right to left, as in the drawing: turn
 # the last joint first. The joints nearer to the base are then still in the zero posture, so their axes are where we
 # wrote them down.
 #
-# **Worked example.** The elbow's axis passes through $(1, 0, 0)$ m, so $S_2 = (0, 0, 1;\; 0, -1, 0)$. It moves the tip
-# from $(1.8, 0)$ to $(1 + 0.8\cos 60°,\; 0.8\sin 60°) = (1.4,\; 0.693)$ m. The shoulder rotates this point by $30°$
-# about the origin, to $(0.866,\; 1.3)$ m: the same tip as above.
+# <details><summary>Worked example: two links</summary>
 #
-# To move a twist into another frame, multiply it by the **adjoint** of the transform $T = (R, p)$:
+# The elbow's axis passes through $(1, 0, 0)$ m, so $S_2 = (0, 0, 1;\; 0, -1, 0)$. It moves the tip from $(1.8, 0)$ to
+# $(1 + 0.8\cos 60°,\; 0.8\sin 60°) = (1.4,\; 0.693)$ m. The shoulder rotates this point by $30°$ about the origin, to
+# $(0.866,\; 1.3)$ m: the same tip as above.
+#
+# </details>
+#
+# If a transform $T = (R, p)$ displaces an axis, the **adjoint** of $T$ turns the twist about the old axis into the
+# twist about the new one. (The same matrix rewrites a twist in the axes of another frame.)
 #
 # $$\mathrm{Ad}_T = \begin{pmatrix} R & 0 \\ [p]\,R & R \end{pmatrix} .$$
 #
-# When the joints before joint $i$ move, they carry its axis along. They move it by $T_{i-1} = e^{[S_1]q_1}\cdots
-# e^{[S_{i-1}]q_{i-1}}$, so the twist of joint $i$ becomes $S_i' = \mathrm{Ad}_{T_{i-1}} S_i = (\omega_i, v_i)$. A body
-# with this twist moves its point at $p$ with the velocity $v_i + \omega_i\times p$. The cell checks tip and velocities
-# for both arms, the two links of the drawing and the 7-R arm:
+# The joints before joint $i$ displace its axis by $T_{i-1} = e^{[S_1]q_1}\cdots e^{[S_{i-1}]q_{i-1}}$. So the twist of
+# joint $i$ becomes $S_i' = \mathrm{Ad}_{T_{i-1}} S_i = (\omega_i, v_i)$. A body with this twist moves its point at $p$
+# with the velocity $v_i + \omega_i\times p$. The cell checks tip and velocities for both arms, the two links of the
+# drawing and the 7-R arm:
 
 # %% tags=["show-code"]
 from scipy.linalg import expm
@@ -390,15 +398,15 @@ _ = axis.legend(fontsize=11, loc=(0.5, 0.8))
 plt.show()
 
 # %% [markdown]
-# Left: the screws of the 7-R arm in the posture `q`. Each arrow has the direction $\omega_i$ and starts at a point of
-# the axis. Joint 2 turns at 1 rad/s: the grey arrows are the velocities that its twist assigns to points in the plane
-# of the tip, the red arrow is the velocity of the tip. (Arrows are drawn at 0.3 m for 1 m/s.)
+# Left: the screws of the 7-R arm in the posture `q`, as arrows along $\omega_i$ from a point of each axis. Joint 2
+# turns at 1 rad/s: the grey arrows are the velocities that its twist assigns to points in the plane of the tip, the
+# red arrow is the velocity of the tip (0.3 m for 1 m/s). Right: the product, from the zero posture to `q`.
 #
 # ### The Jacobian: how fast does the hand move?
 #
 # To follow a moving target, or to correct a small error, you need to know how the tip moves when each joint turns a
 # little. The **Jacobian** $J$ is the matrix of partial derivatives: tip velocity $= J(q)\,\dot q$. For two links, with
-# $s_1$ short for $\sin q_1$ and $s_{12}$ short for $\sin(q_1+q_2)$,
+# $s_1$ short for $\sin q_1$, $s_{12}$ short for $\sin(q_1+q_2)$, and $c$ for the cosines,
 #
 # $$J = \frac{\partial(x, y)}{\partial(q_1, q_2)} =
 # \begin{pmatrix} -l_1s_1-l_2s_{12} & -l_2s_{12} \\ l_1c_1+l_2c_{12} & l_2c_{12} \end{pmatrix} .$$
@@ -475,8 +483,9 @@ more_claims("euler_jacobian_locks")
 # put the tip at a target.
 #
 # Two links reach a point with the elbow on either side of the line from base to target. The two solutions, or
-# **branches**, are called **elbow up** and elbow down. The points that the tip can reach are its **workspace**. If both
-# joints can turn all the way round, it is an **annulus**, a ring: $\lvert l_1-l_2\rvert \le r \le l_1+l_2$.
+# **branches**, are called **elbow up** (orange in the drawing) and elbow down. The points that the tip can reach are
+# its **workspace**. If both joints can turn all the way round, it is an **annulus**, a ring: $\lvert l_1-l_2\rvert \le
+# r \le l_1+l_2$.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
@@ -524,7 +533,8 @@ plt.show()
 #
 # Two bugs are common in this formula. Near the edges of the annulus, arccos loses half of its digits. And if rounding
 # or a target out of reach pushes its argument beyond 1, people clamp it to $[-1, 1]$ and silently return a posture
-# that misses the target. The library uses $\tan(q_2/2)$ instead and reports whether the target was reached:
+# that misses the target. The library uses another formula, shown in section 3, and reports whether the target was
+# reached:
 
 # %% tags=["hide-code"]
 for name, r in (
@@ -542,9 +552,9 @@ for name, r in (
 
 # %% [markdown]
 # On each edge the two solutions merge into one. (Equal links have no hole. Folded, they reach the base in every
-# direction.) In the simulation, the dashed arms are the exact solutions; the moving arm may hide one. The tip glows red
-# when it is close to the edge. Drag the target from inside the ring to the outside and into the hole: on the edge the
-# dashed arms merge.
+# direction.) In the simulation, the dashed arms are the exact solutions. In the still the target is out of reach, and
+# both are hidden by the stretched arm. The tip glows red when it is close to the edge. Drag the target inside, and the
+# two dashed arms separate.
 
 # %%
 simulation("arm", "Target out of reach")
@@ -565,12 +575,14 @@ more_claims("number_of_solutions")
 # Stretch your arm and try to push your hand straight outwards. It can't move in that direction, whatever your joints
 # do.
 #
-# Take all joint velocities $\dot q$ of length at most one. The tip velocities that they produce fill an ellipse. Its
-# half axes are the **singular values** $s_{\max}\ge\dots\ge s_{\min}$ of $J$. The **singular value decomposition** $J =
-# U\,\mathrm{diag}(s)\,V^\mathsf{T}$ pairs a direction of joint motion (a column of $V$) with a direction of the tip (a
-# column of $U$), and $s$ is the speed of the tip per joint speed. Conversely, moving the tip by one metre along that
-# direction costs $1/s$ radians. A posture where the smallest singular value is zero is a **singularity**: the ellipse
-# is flat, $J$ loses rank, and the tip cannot move in one direction.
+# Take all joint velocities $\dot q$ of length at most one. The tip velocities that they produce fill an ellipse (with
+# more dimensions, an ellipsoid). Its half axes are the **singular values** $s_{\max}\ge\dots\ge s_{\min}$ of $J$. The
+# **singular value decomposition** $J = U\,\mathrm{diag}(s)\,V^\mathsf{T}$ pairs a direction of joint motion (a column
+# of $V$) with a direction of the tip (a column of $U$), and $s$ is the speed of the tip per joint speed. Conversely, a
+# small motion of the tip in that direction costs $1/s$ radians per metre.
+#
+# A posture where the smallest singular value is zero is a **singularity**: the ellipse is flat, $J$ loses rank, and
+# the tip cannot move in one direction.
 #
 # The drawing shows the half axes at 0.4 of their length, in m/rad:
 
@@ -598,20 +610,20 @@ show("two_link_jacobian")
 
 # %% [markdown]
 # For two links $\det J = l_1l_2\sin q_2$. The determinant is zero exactly where the elbow is stretched or folded, and
-# $q_1$ doesn't enter: turning the whole arm changes nothing. With more joints other postures are possible, even in the
-# middle of the workspace. In an arm with just as many joints as the task has numbers, a direction is lost whenever two
-# revolute axes lie on one line. In a wrist of three joints whose axes meet in a point, this happens when the first and
-# the last axis are parallel.
+# $q_1$ doesn't enter: turning the whole arm changes nothing. Arms with more joints have other singular postures too,
+# even in the middle of the workspace. In an arm with just as many joints as the task has numbers, a direction is lost
+# whenever two revolute axes lie on one line. In a wrist of three joints whose axes meet in a point, this happens when
+# the first and the last axis are parallel.
 
 # %%
 show("singular_stretched_or_folded")
 
 # %% [markdown]
-# Two numbers are commonly used to say how close a posture is to a singularity. The **manipulability** $\sqrt{\det
-# JJ^\mathsf{T}}$ (Yoshikawa 1985) is the product of all singular values, because $\det JJ^\mathsf{T} =
-# \det(U\,\mathrm{diag}(s^2)\,U^\mathsf{T})$. A smaller arm has a smaller manipulability. The **condition number**
-# $s_{\max}/s_{\min}$ is the ratio of the largest to the smallest. For position rows alone it doesn't depend on the size
-# of the arm. With rotation rows it has a weakness.
+# Two numbers measure how close a posture is to a singularity. The **manipulability** $\sqrt{\det JJ^\mathsf{T}}$
+# (Yoshikawa 1985) is the product of all singular values, because $\det JJ^\mathsf{T} =
+# \det(U\,\mathrm{diag}(s^2)\,U^\mathsf{T})$. Scale an arm down, and its manipulability shrinks in every posture. The
+# **condition number** $s_{\max}/s_{\min}$ is the ratio of the largest to the smallest. For position rows alone it
+# doesn't depend on the size of the arm. With rotation rows it has a weakness.
 
 # %%
 predict("millimetres")
@@ -624,10 +636,10 @@ for unit, length in (("metres", 1.0), ("millimetres", 1e-3), ("units of the reac
 print(f"{'condition number, position rows only':<48}: {np.linalg.cond(J[:3]):7.1f}")
 
 # %% [markdown]
-# Metres and radians have no common scale, so you first have to choose a **characteristic length** that converts between
-# them, and state it. A better question is how fast the tip can move in its worst direction. Take the rows of $J$ that
-# you care about, and their $s_{\min}$. If the norm of the joint velocities is at most $\dot q_{\max}$, the tip reaches
-# $s_{\min}\,\dot q_{\max}$ metres per second in its worst direction.
+# Metres and radians have no common scale, so you first have to choose a **characteristic length** that converts
+# between them, and state it. A better question is how fast the tip can move in its worst direction. Take the rows of
+# $J$ that you care about, and their $s_{\min}$. If the norm of the joint velocities is at most $\dot q_{\max}$, the
+# tip reaches $s_{\min}\,\dot q_{\max}$ metres per second in its worst direction.
 
 # %%
 show("condition_above_hundred")
@@ -638,17 +650,17 @@ more_claims("condition_is_a_product", "condition_needs_a_length")
 # %% [markdown]
 # ### Iterative inverse kinematics: pseudo-inverse and damping
 #
-# An arm of six or more joints has a convenient closed form only if its axes are arranged for it. Otherwise use Newton's
-# method: compute the error $e$ of the tip, solve $J\,\Delta q \approx e$ for a step, apply it, and repeat. If $J$ is
-# not square, take the step with the smallest error, and among several of these the shortest: the **minimum-norm
-# least-squares solution**.
+# An arm of six or more joints has a convenient closed form only if its axes are arranged for it. Otherwise use
+# Newton's method: compute the error $e$ of the tip, solve $J\,\Delta q \approx e$ for a step, apply it, and repeat. If
+# $J$ is not square, take the step that leaves the smallest error, and among several of these the shortest: the
+# **minimum-norm least-squares solution**.
 #
 # **The error of a pose.** For the position, subtract. Orientations can't be subtracted. Compute the rotation that is
 # missing, $\delta = Q_{\text{target}}\otimes Q_{\text{hand}}^{*}$, as a unit quaternion $(w, \vec v)$. A quaternion and
 # its negative describe the same rotation, so if $w < 0$, flip the sign of $\delta$; otherwise the hand takes the long
 # way round. The error is the **rotation vector** $2\operatorname{atan2}(\lvert\vec v\rvert, w)\,\vec v/\lvert\vec
-# v\rvert$, an axis times an angle (zero where $\vec v = 0$). Put it below the position error. Both are in world axes,
-# like the rows of the geometric Jacobian.
+# v\rvert$, an axis times an angle (zero where $\vec v = 0$). Stack the two errors, position on top. Both are in world
+# axes, like the rows of the geometric Jacobian.
 #
 # **The step.** Split the error into components along the columns $u_k$ of $U$. A component along $u_k$ turns the joints
 # along $v_k$, the column of $V$ that belongs to it. The **gain** [rad/m] is the turn per metre of error. The methods
@@ -659,8 +671,8 @@ more_claims("condition_is_a_product", "condition_needs_a_length")
 # | transpose | $\alpha J^\mathsf{T}e$, with a small number $\alpha$ | $\alpha s$ |
 # | **pseudo-inverse** | $J^+e$, the minimum-norm least-squares solution | $1/s$; 0 where $s=0$ |
 # | **damped least squares** (DLS) | $J^\mathsf{T}(JJ^\mathsf{T}+\lambda^2 I)^{-1}e$ | $s/(s^2+\lambda^2)$ |
-# | adaptive | damped only where $s<\lambda$ | $1/s$ for $s\ge\lambda$, else $s/\lambda^2$; at most $1/\lambda$ |
-# | **Levenberg-Marquardt** (LM) | as DLS; $\lambda$ shrinks after a step that reduced the error and grows after one that did not | as DLS, with the current $\lambda$ |
+# | adaptive | each direction has its own damping: $\lambda^2-s^2$ instead of $\lambda^2$ where $s<\lambda$, none elsewhere | $s/(s^2+\lambda^2-s^2) = s/\lambda^2$ where $s<\lambda$, else $1/s$; at most $1/\lambda$ |
+# | **Levenberg-Marquardt** (LM) | as DLS; a step that reduces the error is accepted and $\lambda$ shrinks; any other step is undone and $\lambda$ grows | as DLS, with the current $\lambda$ |
 
 # %% tags=["hide-code"]
 s, damping = np.logspace(-3, 0.3, 300), 0.1
@@ -683,8 +695,7 @@ predict("gain_of_a_step")
 # %% [markdown]
 # The damped step minimises $\lvert J\,\Delta q - e\rvert^2 + \lambda^2\lvert\Delta q\rvert^2$: the remaining error plus
 # a penalty on motion. The **damping** $\lambda$ has the unit of $s$, for position rows metres per radian, so a value
-# that works on one arm does not carry over to an arm of another size. (With rotations in the error, radians must first
-# be weighed against metres.)
+# that works on one arm does not carry over to an arm of another size.
 #
 # **Worked example.** Two degrees from stretched, our two-link arm has $s_{\min} = 0.014$ m/rad. The target is 1 cm
 # closer to the base. The pseudo-inverse asks for $0.01/0.014 = 0.7$ rad, or 40 degrees, for one centimetre. With
@@ -696,8 +707,7 @@ show("damped_gain")
 
 # %% [markdown]
 # Here the arm starts almost stretched, with the pseudo-inverse. Press *Play*: the joints jump at once, and *largest
-# gain so far* records the jump. (The still shows the arm after it.) Then try the damped step and move $\lambda$. The
-# red glow grows with $1/s_{\min}$:
+# gain so far* records the jump. (The still shows the arm after it.)  Then try the damped step and move $\lambda$:
 
 # %%
 simulation("arm", "Jump beside the singularity")
@@ -727,11 +737,11 @@ show("damping_is_free")
 #
 # </div>
 #
-# Limits on joint speeds enter the same least-squares problem as constraints: minimise
-# $\lvert J\dot q-\dot x\rvert^2+\lambda^2\lvert\dot q\rvert^2$ subject to $\dot q_{\min}\le\dot q\le\dot q_{\max}$. A
-# position limit bounds the speed too: within one control cycle, a **tick**, a joint may move at most to its limit. This
-# is a **quadratic program**. The libraries pink (for Pinocchio) and mink (for MuJoCo) solve one per tick. Clamping an
-# unconstrained step instead does not in general give the smallest error within the limits.
+# Limits on joint speeds enter the same least-squares problem as constraints. If the tip is commanded to move at $\dot
+# x$, minimise $\lvert J\dot q-\dot x\rvert^2+\lambda^2\lvert\dot q\rvert^2$ subject to $\dot q_{\min}\le\dot q\le\dot
+# q_{\max}$. Position limits become bounds of this kind too: within one control cycle, a **tick**, a joint may move at
+# most to its limit. Minimising such a quadratic objective within linear bounds is called a **quadratic program**. The
+# libraries pink (for Pinocchio) and mink (for MuJoCo) solve one per tick.
 #
 # ### Redundancy and the null space
 #
@@ -754,7 +764,8 @@ show("one_joint_to_spare")
 
 # %% [markdown]
 # The null space is a straight line, a plane or a larger flat space of velocities. The solutions of IK are curved. In
-# this drawing the task of a two-link arm is to hold the $x$ coordinate of its tip; $y$ is free:
+# this drawing the task of a two-link arm is to hold the $x$ coordinate of its tip; $y$ is free. The blue curve is one
+# half of the solutions:
 
 # %% tags=["hide-code"]
 a = np.linspace(-0.9, 1.2, 200)
@@ -782,17 +793,17 @@ plt.show()
 predict("tip_in_the_null_space")
 
 # %% [markdown]
-# The green ball is the elbow, with its path. The orange arrows are the target frame of the hand, the black ones its
-# present frame. The number *off by one step / h²* is the motion of the hand in one step, divided by $h^2$. It hardly
-# changes when you change $h$, but it does depend on the posture. (The claim below has its median over random postures.)
+# The green ball is the elbow, with its path. The orange arrows are the target frame of the hand; the black ones, drawn
+# on top, are its present frame. The number *off by one step / h²* is the motion of the hand in one step, divided by
+# $h^2$. It hardly changes when you change $h$, but it does depend on the posture.
 
 # %%
 simulation("elbow")
 
 # %% [markdown]
-# Here is a practical use. The hand of the 7-R arm is at its target, but the arm is close to a pillar. The dotted line
-# is the gap between them. In each step the program takes the gradient of the gap, projects it onto the null space,
-# moves the joints along it, and then corrects the hand with IK:
+# A practical use: the hand of the 7-R arm is at its target, but the arm is close to a pillar. The dotted line is the
+# gap. In each step the program takes the gradient of the gap, projects it onto the null space, moves the joints along
+# it, and then corrects the hand with IK:
 
 # %% tags=["hide-code"]
 crowded = np.array([-0.79, -0.70, 0.78, -1.87, 0.53, 1.56, 0.17])
@@ -834,31 +845,39 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 # %% [markdown]
 # ### The swivel angle: six joints in closed form
 #
-# For an arm like the Panda you can walk along the curve of solutions without iterating. Its wrist is the point where
-# the axes of joints 5 and 6 meet. Choose the angle of joint 7. Joint 6 turns about an axis through the wrist and does
-# not move it, so now you know where the wrist is. The first three axes meet in the shoulder, which never moves.
-# Shoulder, elbow and wrist form a triangle with three known sides, and the law of cosines gives the angle of the
-# elbow.
+# In an arm like the Panda, the first three axes meet in a point, the **shoulder**, and axes 5 and 6 in another one,
+# the **wrist**. Then you can compute points on the curve of solutions without iterating (He and Liu 2021): choose the
+# angle of joint 7, and the other six angles follow in closed form. There are up to eight postures for each angle.
+# Along the curve, the triangle of shoulder, elbow and wrist turns about the line from shoulder to wrist. How far it is
+# turned is the **swivel angle**, zero with the elbow straight above the line.
 #
-# The triangle can still turn about the line from shoulder to wrist. How far it is turned is the **swivel angle**, zero
-# with the elbow straight above the line. To find it, look for the direction of axis 5, which passes through the wrist.
-# It lies in the plane of the triangle, at a known angle to the line from shoulder to wrist. While the triangle turns,
-# the direction of axis 5 sweeps a cone about this line. It is also perpendicular to axis 6, so it lies in a plane. Cone
-# and plane meet in two lines or in none.
+# <details><summary>Derive it: from the angle of joint 7 to eight postures</summary>
 #
-# With two bends of the elbow and two postures of the shoulder, each angle of the last joint allows up to eight
-# postures.
+# Start at the hand, whose pose is given. The pose and the angle of joint 7 determine where axis 6 is. The wrist is a
+# fixed point of axis 6. Turning joint 6 does not move it, so you know where the wrist is, whatever joint 6 does. The
+# shoulder never moves. So shoulder, elbow and wrist form a triangle with three known sides, and the law of cosines
+# gives the angle of the elbow.
+#
+# To find the swivel angle, look for the direction of axis 5, which passes through the wrist. It lies in the plane of
+# the triangle, at a known angle to the line from shoulder to wrist. While the triangle turns, the direction of axis 5
+# sweeps a cone about this line. Axis 5 is also perpendicular to axis 6, so its direction lies in a known plane. Cone
+# and plane meet in two lines, touch in one, or don't meet. Two lines, two bends of the elbow and two postures of the
+# shoulder make eight postures.
+#
+# </details>
 #
 # ![All postures of one pose; share of poses without an answer against time](../docs/charts/seven_joint.png)
 #
-# On the left, every point is a posture with the same pose of the hand. On the right, each method looks for one posture
-# within the joint limits. The numbers say how many angles of the last joint, or how many random starts, it tries. In
-# single calls both take about the same time if 1 % of the poses may stay without an answer; with an answer for every
-# pose the search is faster. In a batch the closed form is faster at 1 %, and at one pose in a thousand both take the
-# same time.
+# On the left, every point is a posture with the same pose of the hand; only the blue ones respect the joint limits. On
+# the right, two methods look for one posture within the limits for each of many poses, in one call. The closed form
+# tries some angles of joint 7. The search, Levenberg-Marquardt, tries random starts.
 #
-# Two other things speak for the closed form. It gives all postures, and its error is rounding instead of the
-# tolerance of a search. If it has no answer, there is none for this angle.
+# Our closed form computes all its angles for every pose, so its time grows with their number. The search stops at its
+# first success, so more starts cost little. If one pose in a hundred may stay without an answer, the closed form is
+# faster; at one in a thousand both take the same time; below that, the search is faster.
+#
+# The closed form has two more advantages. For each angle of joint 7 that you try, it returns all postures or proves
+# that there is none. And its only error is rounding.
 
 # %%
 figures(read("seven_joint"), summary="Time, answers and errors")
@@ -874,7 +893,7 @@ more_claims(
 # %% [markdown]
 # ### Dynamics: which torques cause a motion?
 #
-# Angles alone don't move an arm; torques do. When one link accelerates, it pushes on its neighbours, so the torque of
+# When one link accelerates, it pushes on its neighbours, so the torque of
 # each motor depends on all joints.
 
 # %%
@@ -916,13 +935,14 @@ _ = axes.legend()
 plt.show()
 
 # %% [markdown]
-# Larger arms use recursions that pass along the chain once or twice. $n$ is the number of joints:
+# Larger arms use recursions that pass along the chain up to three times, outwards from the base or inwards from the
+# tip. $n$ is the number of joints:
 #
 # | algorithm | computes | idea | cost |
 # |---|---|---|---|
 # | **recursive Newton-Euler** (RNEA) | $\tau$ | velocities and accelerations outwards, forces inwards | $O(n)$ |
 # | **composite rigid body** (CRBA) | $M$ | treat all links beyond a joint, towards the tip, as one rigid body | $O(n^2)$ |
-# | **articulated body** (ABA) | $\ddot q$ | the inertia of each link if the joints beyond it turn freely | $O(n)$ |
+# | **articulated body** (ABA) | $\ddot q$ | velocities outwards; inwards, inertia and force of each link if the joints beyond it give way; accelerations outwards | $O(n)$ |
 #
 # RNEA in words. *Outwards from the base*: a link's angular velocity is that of its parent plus $\dot q_i z_i$.
 # Differentiate this for the angular acceleration $\alpha$. Relative to its (revolute) joint, a point of the link at $r$
@@ -952,9 +972,9 @@ held = kinematics.inverse_dynamics(free, q, rest, rest)
 print("torques that only hold the arm up [N m]:", listed(held))
 
 # %% [markdown]
-# A second test is energy. A falling arm without motors and friction keeps it, so with RK4 from chapter 1 the drift must
-# fall by a factor of about $2^4 = 16$ when the step is halved. If an error in the bias $h$ changes the energy,
-# a smaller step does not reduce the drift:
+# A falling arm without motors and friction conserves its energy, so with RK4 from chapter 1 the drift must fall by
+# about $2^4 = 16$ or more when the step is halved. An error in the bias $h$ that changes the energy does not shrink
+# with the step:
 
 # %% tags=["hide-code"]
 fall = rigid_body.System("arm", kinematics.acceleration, kinematics.pack(free), q, v)
@@ -972,19 +992,18 @@ more_claims("articulated_bodies_lose_fewer_digits")
 # %% [markdown]
 # ### Identification: what can torques tell about the masses?
 #
-# Can you measure the masses without taking the arm apart?
-#
-# Each link has ten inertial numbers: its mass, three first moments (mass times centre of mass), and six second moments.
-# Torques are *linear* in all of them: $\tau = Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$ is the **regressor**. So you
-# can move the arm, record torques, and fit $\theta$ by least squares. But some numbers never show. The first axis of
-# our arm is vertical, so the weight of the first link never loads the motor, and of its inertia only the part about
-# that axis counts.
+# Each link has ten inertial numbers: its mass, three first moments (mass times centre of mass), and six second
+# moments. Without friction, torques are *linear* in all of them: $\tau = Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$
+# is the **regressor**. So you can move the arm, record torques, and fit $\theta$ by least squares. But some numbers
+# never show. The first axis of our arm is vertical, so the weight of the first link never loads the motor, and of its
+# inertia only the part about that axis counts.
 
 # %%
 show("torques_tell_ten_numbers")
 
 # %% [markdown]
-# We fitted $\theta$ to the noisy torques of 60 random motions, and predicted new ones:
+# We simulated the torques of 60 random motions without friction, added noise, fitted $\theta$, and predicted the
+# torques of new motions:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -1011,9 +1030,10 @@ print(
 print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]:.2f} kg")
 
 # %% [markdown]
-# With the base mounted as it is, the fit predicts every torque, and it doesn't know the mass of the
-# first link. The combinations that can be identified are the **base parameters** (Khalil and Dombre 2002). A
-# controller needs no more; chapters 6 and 8 fit them.
+# The fit predicts torques to less than the noise, although it doesn't know the mass of the first link. The
+# combinations that can be identified are the **base parameters** (Khalil and Dombre 2002). As long as the base stays
+# mounted as it is, a controller needs only these, and friction. Friction is often the largest part of what is missing
+# on a real arm, so fit its parameters too, with motions in which all of them show. Chapter 8 fits both for two links.
 #
 # ## 2 · Design: three levels and their rates
 #
@@ -1024,8 +1044,9 @@ print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]
 # other.
 #
 # **The inner loop must be fast compared with the loop that closes around it.** The outer loop can then assume that its
-# commands are executed at once. As a rule of thumb each loop runs three to ten times as fast as the loop around it.
-# Only the innermost loops need a kilohertz or more.
+# commands are executed at once. Fast means a high **bandwidth**: the highest frequency of commands that the loop still
+# follows. As a rule of thumb, it is three to ten times the bandwidth of the loop around it. The drawing shows update
+# rates, which must be higher still.
 
 # %% tags=["hide-code"]
 LEVELS = (
@@ -1075,9 +1096,10 @@ print("actuator space:", listed(torques), "N m")
 # ### Where to solve inverse kinematics
 #
 # You can solve IK *once*, for the goal, and let a planner find a path in joint space. Or you can solve at every tick
-# for a velocity, $\dot q = J^+\dot x$ with damping. That is **resolved rate** control (Whitney 1969). It is cheap.
-# Far from singularities the tip follows $\dot x$ closely, and feeding back its error leaves only a small lag. But it
-# doesn't look ahead: it may run into a joint limit or a singularity.
+# for a velocity, with damping: $\dot q = J^+(\dot x + k\,e)$. That is **resolved rate** control (Whitney 1969).
+# Without the term $k\,e$, which feeds back the position error, small errors would add up. Far from singularities the
+# tip then stays close to its target, and a tick costs little. But it doesn't look ahead: it may run into a joint limit
+# or a singularity.
 #
 # A third approach plans points of the tip and solves IK for each of them. If the joints are interpolated in between,
 # the tip leaves the straight line, and two neighbouring solutions may lie on different branches. If you solve IK all
@@ -1087,21 +1109,25 @@ print("actuator space:", listed(torques), "N m")
 show("tip_plans_need_joints")
 
 # %% [markdown]
-# A real-time loop starts from the last posture, takes a fixed number of steps, and reports whether it succeeded.
-# Restarts would solve more poses, but then the run time is hard to bound.
+# A real-time loop starts from the last posture, takes a fixed number of steps, and reports whether it succeeded. It
+# does not restart elsewhere: another start may end on another branch, and the joints would jump.
 #
 # ## 3 · Code: the reference functions
 #
-# Here is the closed form of the two-link arm as it is in the library. It returns both branches. The half-angle formula
-# $\tan^2\tfrac{q_2}{2} = \frac{(l_1+l_2)^2 - r^2}{r^2-(l_1-l_2)^2}$ loses none of the digits of $r$ at the edges of the
-# annulus, where the arccosine loses half of them:
+# Here is the closed form of the two-link arm as it is in the library. It returns both branches, with the tangent of
+# half the angle and $r_{\max} = l_1+l_2$, $r_{\min} = \lvert l_1-l_2\rvert$:
+#
+# $$\tan^2\frac{q_2}{2} = \frac{(r_{\max}-r)(r_{\max}+r)}{(r-r_{\min})(r+r_{\min})} .$$
+#
+# At the edges of the annulus this loses none of the digits of $r$, because $r$ is subtracted before anything is
+# squared. The arccosine loses half of them there, and so would this formula with differences of squares.
 
 # %%
 source(kinematics.two_link.branches)
 
 # %% [markdown]
 # The Jacobian takes one column for each joint between the base and the tip: walk from the tip inwards, from each joint
-# to its parent. The same walk works on a tree of links. The second function is the gain of the steps that work with
+# to its parent.  The second function is the gain of the steps that work with
 # singular values. Its caller skips directions with $s$ below $10^{-12}$ of the largest: at a singularity, rounding
 # leaves a tiny $s$ rather than zero, and $1/s$ would be a huge step. The projector follows:
 
@@ -1112,9 +1138,13 @@ source(kinematics.motion.columns, kinematics.inverse.gain)
 source(kinematics.null_space)
 
 # %% [markdown]
-# With these functions a basic IK loop takes only a few lines. It is the loop that most people write first, with half of
-# a damped step per iteration. The library's `ik` adds three things: it enforces joint limits, it restarts from another
-# posture when it gets stuck, and it says *why* it failed.
+# With these functions a basic IK loop takes only a few lines. It is the loop that most people write first, with half
+# of a damped step per iteration. The library's `ik` adds three things: it enforces joint limits, it restarts from
+# another posture when it gets stuck, and it says *why* it failed.
+#
+# Only the reason *unreachable* is a proof: the target is farther from the base than the arm can stretch, or nearer
+# than it can fold. The other reasons say what stopped the best start: a joint at its limit (*limit*), a lost rank
+# (*singularity*), neither of these (*stuck*), or the number of steps (*iterations*).
 
 # %%
 show("listing_reaches_its_target")
@@ -1146,7 +1176,7 @@ for place in (goal, np.array([1.8, 0.5, 0.0])):
 more_claims("listing_converges")
 
 # %% [markdown]
-# Invalid input raises an error at once. The message names the argument and what is allowed:
+# Invalid input raises an error that names the argument and what is allowed:
 
 # %% tags=["hide-code"]
 for attempt in (
@@ -1182,7 +1212,7 @@ simulation("arm")
 #
 # ### How many states per second?
 #
-# A planner or a learning algorithm evaluates millions of postures. **Pinocchio** (Carpentier and others 2019) is a
+#  **Pinocchio** (Carpentier and others 2019) is a
 # widely used C++ library for the dynamics of arms; **MuJoCo** is the simulator from chapter 1. Their usual functions
 # compute one state per call, and every call from Python costs extra time. This course's compiled loop accepts a whole
 # **batch** of states in one call.
@@ -1192,7 +1222,8 @@ predict("one_call_or_a_batch")
 
 # %% [markdown]
 # The chart shows the 7-R arm at random states, on one core, called from Python. Pinocchio is called once per state and
-# also, for torques and accelerations, once per batch (`rneaInParallel` and `abaInParallel`, one thread):
+# also, for torques and accelerations, once per batch (`rneaInParallel` and `abaInParallel`, one thread). MuJoCo is
+# called once per state, for torques and accelerations with `mj_inverse` and `mj_forward`:
 #
 # ![States per second against the size of the batch, for the course, Pinocchio and
 # MuJoCo](../docs/charts/arm_throughput.png)
@@ -1201,15 +1232,15 @@ predict("one_call_or_a_batch")
 figures(read("arm_throughput"), summary="Ratios of the times, one state and 10,000, with quartiles")
 
 # %% [markdown]
-# All three agree up to rounding, so no accuracy is traded for speed. With one state per call, the course spends most of
-# its time on checking arguments and creating arrays. A batch shares this fixed cost: to the right of the crossing the
-# course is faster. Pinocchio's batch calls save the overhead of Python too, but close only a part of the gap; we did
-# not measure where the rest comes from. With 100,000 states per batch, where the chart ends, the rate of the course's
-# Jacobians falls almost to Pinocchio's. (The fold-out has 10,000.)
+# All three agree up to rounding. With one state per call, the course spends most of its time on checking arguments and
+# creating arrays. A batch shares this fixed cost: to the right of the crossing the course is faster. This is no
+# ranking of libraries. MuJoCo's two functions also do work that a bare arm doesn't need, such as looking for contacts,
+# and only the course's loop is compiled for the processor that it runs on. Pinocchio's batch calls close only a part
+# of the gap; we did not measure where the rest comes from.
 #
 # ### Jacobians from finite differences
 #
-# You have derived a Jacobian and want to test it. The simplest test is a **forward difference**: $(f(q+h)-f(q))/h$. A
+# The simplest test of a Jacobian is a **forward difference**: $(f(q+h)-f(q))/h$. A
 # **central difference**, $(f(q+h)-f(q-h))/(2h)$, is more accurate. Both subtract two numbers that are nearly equal,
 # and floating-point numbers have only 16 digits.
 
@@ -1225,23 +1256,26 @@ print_figures(
 )
 
 # %% [markdown]
-# Drawn against $h$, the error of a difference is a V: the truncation error of the Taylor series shrinks with $h$, and
-# the rounding error grows with $1/h$. The **complex step** $\operatorname{Im} f(q + \mathrm{i}h)/h$ contains no
-# subtraction, so $h$ can be tiny (Squire and Trapp 1998). It needs an $f$ made of analytic functions: no absolute
-# value, no `atan2`. To *check* a Jacobian, use central differences with $h$ near the cube root of machine precision,
-# about $10^{-5}$, and expect agreement to about ten digits, not sixteen. The times compare Python loops, and PyTorch's
-# automatic differentiation (*autograd*), with a compiled Jacobian.
+# The errors are differences from a complex step with $h = 10^{-100}$, which is exact up to rounding. Drawn against
+# $h$, the error of a difference is a V: the truncation error of the Taylor series shrinks with $h$, and the rounding
+# error grows with $1/h$. The **complex step** $\operatorname{Im} f(q + \mathrm{i}h)/h$ contains no subtraction, so $h$
+# can be tiny (Squire and Trapp 1998). It needs an $f$ made of analytic functions: no absolute value, no `atan2`.
+#
+# To *check* a Jacobian, use central differences with $h$ near the cube root of machine precision, about $10^{-5}$, and
+# expect agreement to about ten digits, not sixteen. (The times compare Python loops and PyTorch's *autograd* with a
+# compiled Jacobian.)
 #
 # ### How many poses does a solver find?
 #
 # The benchmark has ten thousand reachable poses of the 7-R arm, to be solved within the joint limits to a micrometre
-# and a microradian. The Python loops get only three hundred of them, so their uncertainty, shaded, is larger. (The
-# claim below has its own sample of 400 poses, so its percentages differ a little.)
+# and a microradian. The Python loops get only three hundred of them, so their uncertainty, shaded, is larger.
 #
-# The *usual loop* is the example from Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits, one
-# start. *Clamped, 20 starts* adds joint limits and restarts. *Same with full steps* also takes the whole step in place
-# of a tenth. The course's compiled solver begins at random postures (*uniform starts*) or at the *nearest of a table*
-# of random postures:
+# The *usual loop* follows an example from Pinocchio's documentation, which shows how to call the library: a tenth of
+# each pseudo-inverse step, no limits, one start. *Clamped, 20 starts* adds joint limits and restarts. *Same with full
+# steps* also takes the whole step instead of a tenth. The course's compiled solver takes Levenberg-Marquardt steps. It
+# begins at random postures (*uniform starts*) or at the *nearest of a table* of random postures. *Our method in
+# Python* takes the same steps in a Python loop, with Pinocchio's functions. We did not measure an IK library such as
+# TRAC-IK. In the chart, every method is called for one pose at a time:
 #
 # ![Share of poses solved against time per pose](../docs/charts/ik_success.png)
 
@@ -1249,29 +1283,43 @@ print_figures(
 show("converged_within_limits")
 
 # %% [markdown]
-# Every solution was checked with forward kinematics; none of our reported successes was wrong. The right-hand panel
-# shows poses near a singular posture of the shoulder. For poses beyond the reach the solver never reports success.
+# Every solution was checked with forward kinematics; none of our reported successes was wrong. Poses near a singular
+# posture of the shoulder, in the right-hand panel, are solved about as often and as fast as the others. For poses
+# beyond the reach the solver never reports success.
 #
-# Comparing compiled code with Python loops around Pinocchio's functions mixes three effects: the algorithm, the
-# overhead of Python, and the batch. The rows below separate them. *Our method in Python* takes our steps with
-# Pinocchio's functions. *A call a pose* calls our compiled solver for one pose at a time. The last number is the rate
-# of the table method in a batch, divided by this rate:
+# Three things make a method fast here: its steps, compiled code instead of Python, and the batch. The table separates
+# them. *A batch* is one call for all poses: 10,000 ordinary ones, or 1,000 near a singular posture.
 
 # %%
-rates = [line for line in read("ik_success").splitlines() if "solved a second" in line]
-print("\n".join(rates[: min(len(rates) // 2, 6)]))  # of the left-hand panel
+lines = [line for line in read("ik_success").splitlines() if "solved a second" in line]
+names, rates = zip(*(line.split(" solved")[0].rsplit(None, 1) for line in lines), strict=True)
+half = len(lines) // 2  # of each panel; the usual loop solves too few to count
+table = [
+    "| poses solved per second | ordinary poses | near a singular posture |",
+    "|---|---:|---:|",
+]
+rows = list(zip(names[:half], map(float, rates[:half]), map(float, rates[half:]), strict=True))
+for name, *both in sorted(rows, key=lambda row: row[1]):
+    if name.strip() != "usual loop":
+        single = "uniform starts", "nearest of a table"
+        name = f"{name.strip()}, a batch" if name.strip() in single else name.strip()
+        name = name.replace("a call a pose", "one call per pose")
+        table.append(f"| {name} | " + " | ".join(f"{x:,.0f}" for x in both) + " |")
+Markdown("\n".join(table))
+
+# %%
 figures(read("ik_success"), summary="Steps, starts, and poses solved per second")
 
 # %% [markdown]
 # Joint limits in every step and restarts decide *whether* a pose is solved. Full steps instead of tenths make the same
-# loop several times as fast. A start from the table saves steps, but its look-up costs time. Here it pays only for
-# the large batch of ordinary poses.
+# loop several times as fast. A start from the table saves steps, but its look-up costs time. It pays here only in the
+# large batch of ordinary poses, the last row.
 #
 # ### Which step for which tolerance?
 #
 # Here are forty poses near a start. Every method runs for one to forty steps. Drag the tolerance, or move it with the
 # arrow keys. On each side a circle marks the cheapest run that meets it: the fewest steps on one side, the least time
-# on the other. These may be different methods.
+# on the other.
 
 # %% tags=["hide-code"]
 from course.measure.work_precision import Method, Result, measure
@@ -1312,9 +1360,12 @@ TradeOff(result)
 
 # %% [markdown]
 # Near the solution, the pseudo-inverse, the adaptive step and Levenberg-Marquardt about double the number of correct
-# digits in each step. In time, Levenberg-Marquardt is ahead. It solves a small linear system per step, where the other
-# two compute singular values. The next chart compares an ordinary target with one exactly on the edge of the workspace
-# of two links, where the solution itself is singular:
+# digits in each step. In time, Levenberg-Marquardt is ahead here. That is our code, not the method: for this step it
+# solves a small linear system, for the others it computes singular values. With the same linear solver, a damped step
+# would cost about as much. (The points show the least of 15 times, the thin lines reach to the upper quartile.)
+#
+# The next chart compares an ordinary target with one exactly on the edge of the workspace of two links, where the
+# solution itself is singular:
 #
 # ![Remaining error against steps, for an ordinary target and one on the edge](../docs/charts/ik_residual.png)
 
@@ -1329,40 +1380,39 @@ print_figures("ik_residual", "A target on")
 #
 # ### Limits in every cycle: clip, scale, or solve a quadratic program?
 #
-# Section 1 stated the quadratic program for joint velocities. `bounded_velocity` solves it. It holds some joints at
-# their bounds, the **active set**, and solves least squares for the others. Then it moves one joint at a time into
-# the set or out of it, until no such move lowers the objective of the program. A cheaper remedy takes the damped
-# pseudo-inverse and *clips* each velocity on its own; another one *scales* all of them by one factor. We let the hand
-# of the 7-R arm follow paths that the arm can follow within its limits. mink and pink solve the same program with a
-# compiled solver:
+# Section 1 stated the quadratic program for joint velocities. `bounded_velocity` solves it: it holds some joints at
+# their bounds, the **active set**, solves least squares for the others, and changes the set until that no longer
+# helps. Two cheaper remedies start from the damped pseudo-inverse: one *clips* each velocity on its own, the other
+# *scales* all by one factor. mink and pink solve the same program with a compiled solver. The hand of the 7-R arm
+# follows paths that the arm can follow within its limits. The target does not wait for the arm:
 #
 # ![Error of the hand against computing time, and against time on one path](../docs/charts/velocity_limits.png)
 
 # %%
-print_figures("velocity_limits", "clipped", "quadratic program", "time of mink", "time of no")
+print_figures("velocity_limits", "clipped", "quadratic program", "mink:", "no limits:")
 
 # %% [markdown]
-# The bands show the quartiles over the paths, for *clipped* and *quadratic program*. The grey curve ignores the
-# limits, so no real arm can follow it. Clipping drops what the clipped joint should have contributed. In the program
-# the other joints make up for it, as far as they can. Scaling keeps the direction of the hand, but a single joint at
-# its limit stops the whole arm. The program is not perfect either: it looks no further than one cycle, and may lead
-# the arm to a limit that a planner would have avoided. Shorter cycles don't change that.
+# The bands are quartiles over the paths. The grey curve ignores the limits, so no real arm can follow it. Clipping
+# drops what the clipped joint should have contributed. In the program the other joints make up for it, as far as they
+# can. Scaling keeps the direction of the hand, but a single joint that stands at its position limit stops the whole
+# arm, while the target moves on. (If the target can wait, slow down the path instead.) The program is not perfect
+# either: it looks no further than one cycle, and may lead the arm to a limit that a planner would have avoided.
 #
-# With cycles of 20 ms or less the largest errors of mink, pink and our solver agree. At 50 ms theirs are smaller; we
-# have not found out why. They also take about half the time of our solver. The printed figures are for cycles of 5
-# ms, the next claim's for 50 ms on other paths.
+# With cycles of 20 ms or less the largest errors of mink, pink and our solver agree. At 50 ms theirs are smaller,
+# because they measure the error of a pose as one screw motion, we as a shift and a turn. (With their error our solver
+# agrees with them.) They also take about half the time of our solver. The printed figures are for cycles of 5 ms.
 
 # %%
 more_claims("clipped_velocities")
 
 # %% [markdown]
-# ### When is a planar model enough?
+# ### When is a planar model enough to predict a motion?
 #
 # A planar two-link arm has closed forms for its kinematics and its equations of motion, so it is cheap to simulate.
-# Real arms are never perfectly planar. Chapter 8's arm moves in a level plane for one second, with both joints turning
-# at the start and constant torques. We simulated the same second in three dimensions with MuJoCo: once with the base
-# tilted, so that gravity pulls along the plane, and once with the elbow's axis skewed. The chart shows how far apart
-# the tips end:
+# Real arms are never perfectly planar.  Chapter 8's arm moves in
+# a level plane for one second, with both joints turning at the start and constant torques, without feedback. We
+# simulated the same second in three dimensions with MuJoCo: once with the base tilted, so that gravity pulls along the
+# plane, and once with the elbow's axis skewed. The chart shows how far apart the tips end:
 #
 # ![Error of the planar arm against the tilt of its base and of its elbow axis](../docs/charts/two_links_enough.png)
 
@@ -1375,42 +1425,52 @@ figures(
 )
 
 # %% [markdown]
-# The tolerance is a tenth of the target's radius in the reaching task of chapter 8. Each fault was varied alone. The
-# errors of both can add up, and their sum must stay below the tolerance.
+# The tolerance is a tenth of the target's radius in the reaching task of chapter 8. Each fault was varied alone; their
+# errors can add up. These limits hold for a prediction without feedback. For a controller that feeds back the joint
+# angles, a small tilt is only a small disturbance torque.
 #
 # ### What to pick
 #
 # * *Two joints and a point, three joints and a point with a direction of the hand, six with a wrist whose axes meet*:
 #   the closed form. It returns all solutions, without iterations and without a start.
-# * *Following a path, at every tick*: one or two steps from the last posture, adaptive or Levenberg-Marquardt, checked
-#   by forward kinematics. With hard limits, a quadratic program.
+# * *Following a path, at every tick*: one or two damped or adaptive steps from the last posture, checked by forward
+#   kinematics. With hard limits, a quadratic program.
+# * *Seven joints arranged like the Panda's*: the closed form at a few angles of the last joint, or the search below.
 # * *A single pose without a previous solution*: Levenberg-Marquardt with joint limits and random restarts (in a batch,
 #   first from a table); with a time limit, and a reason when it fails.
 # * *Torques*: RNEA. *Simulation*: ABA, or CRBA and solving with $M$ for a short arm. *Tests*: each against
 #   the others.
-# * *Thousands of states*: a batch in one call, with any library.
 #
 # ## 6 · Debug: where it fails
 #
 # ### How much damping is enough?
 #
-# The tip is commanded to move at 0.1 m/s, and the joints can do 2 rad/s (the norm of both), so the gain must stay below
-# 20 rad/m. Below the black line of the map the joints are too fast. The predicted boundary (dashed),
-# $s/(s^2+\lambda^2)$ equal to that limit, lies on the measured one. In the right-hand panel the tip is led past the
-# hole around the base in points 2 mm apart, with one damped step per point. Weak damping adds no error, and strong
-# damping makes the tip miss its points by up to centimetres. In between there is no simple rule: the curves rise, fall
-# and cross.
+# The tip is commanded to move at $v = 0.1$ m/s, and the norm of the joint speeds may be at most $w = 2$ rad/s. So the
+# gain must stay below $w/v = 20$ rad/m. In the left panel, the joints are too fast below the black line. The predicted
+# border (dashed), where $s/(s^2+\lambda^2) = w/v$, lies on the measured one. Its highest point is at $\lambda =
+# v/(2w)$, the dotted line: with this damping or more, no posture violates the limit.
+#
+# What does this damping cost? In the right-hand panel the tip is led past the hole around the base in points 2 mm
+# apart, with one damped step per point. Very weak damping adds no error, and strong damping makes the tip miss its
+# points by up to centimetres. In between the curves rise and fall, so measure the error on your own path. Here are the
+# three paths at $\lambda = v/(2w)$:
 #
 # ![Joint speed against elbow bend and damping, and the tracking error that damping
 # costs](../docs/charts/damping_map.png)
 
 # %%
 print_figures("damping_map", "never", "without")
+weakest = motion.SPEED / (2.0 * motion.RATE)
+for gap in (1e-2, 1e-3, 1e-4):
+    off, turn = motion.past_the_hole(weakest, gap)
+    rate = turn * motion.SPEED / 0.002  # the points are 2 mm apart
+    print(
+        f"{1e3 * gap:4g} mm from the hole: largest error {1e3 * off:.2f} mm, "
+        f"fastest joint motion {rate:.2f} rad/s"
+    )
 
 # %% [markdown]
-# With $\lambda$ above $1/(2\cdot\text{limit})$ no posture violates the limit at this commanded speed. (If feedback of
-# the position error is added, the commanded speed is higher, and $\lambda$ must be larger.) With less damping, postures
-# *near* the singularity violate it. Exactly *at* the singularity the gain of the lost direction is zero.
+# (Feedback of the position error can raise the commanded speed above $v$; then $\lambda$ must be larger.)
 #
 # This also explains the first question of this page. The arm is straight, so both columns of $J$ are perpendicular to
 # it, and the error lies along it: $J^\mathsf{T}e = 0$. Every step that starts from $J^\mathsf{T}e$, damped or not, is
@@ -1448,8 +1508,8 @@ more_claims("rank_loss_is_failure", "singular_start")
 # %% [markdown]
 # ### Targets at the edge and beyond
 #
-# The true answer is known for each of these targets, so we can check the reason that the solver reports. It may restart
-# twenty times:
+# The true answer is known for each of these targets, so we can check the reason that the solver reports. It may
+# restart twenty times:
 
 # %% tags=["hide-code"]
 stiff = replace(planar((1.0, 0.8)), lower=(-np.pi, -2.0), upper=(np.pi, 2.0))
@@ -1469,6 +1529,9 @@ for name, chain, r in (
     )
 
 # %% [markdown]
+# All six are right. The last target is out of reach too, but the solver cannot prove it. It says what it observed: a
+# joint limit stopped its best start.
+#
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Joint angles that a solver returns prove nothing. Compute the remaining error with forward
@@ -1484,19 +1547,19 @@ for name, chain, r in (
 print_figures("null_space_step", "exact", "damped")
 
 # %% [markdown]
-# In general, the drift of the tip per step is $O(h^2)$ with the exact projector (the black line $ch^2$ is hidden by the
-# measured one), $O(h^4)$ after one corrective IK step, and $O(h)$ with a damped projector. So use the exact projector
-# for the null space, and damping only for the task. Close to a singularity the projector changes quickly, so take
-# smaller steps there.
+# A damped projector is $I - J^\mathsf{T}(JJ^\mathsf{T}+\lambda^2I)^{-1}J$. It lets a part of the step through to the
+# tip. In general, the drift of the tip per step is $O(h^2)$ with the exact projector (the black line $ch^2$ is hidden
+# by the measured one), $O(h^4)$ after one corrective IK step, and $O(h)$ with a damped projector. So use the exact
+# projector for the null space, and damping only for the task.
 #
 # ### Debugging table
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *IK does not converge.* Ask three questions, in this order. Is the target reachable at all: inside
-# the annulus for two links, within reach *and joint limits* for any arm? Is the start bad: does the solver succeed
-# from twenty other starts? Is the arm close to a singularity: how large is $s_{\min}$, for the rows that you care
-# about, where it stops?
+# **Debugging tip.** *IK does not converge.* Test the code first: take a target that must work, forward kinematics of a
+# known posture, and start close by. Count the steps, and compare $J$ with central differences in any case. If the code
+# is right: Is the target reachable, within the reach *and the joint limits*? Does the solver succeed from twenty other
+# starts? Where it stops, how large is $s_{\min}$, for the rows that you care about?
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1511,9 +1574,8 @@ print_figures("null_space_step", "exact", "damped")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The hand arrives, but the elbow is in an awkward position.* A 7-R arm has a curve of solutions,
-# and you got the one near your start. Add a secondary objective in the null space (elbow height, distance from an
-# obstacle, middle of the joint ranges). Take small steps, correct the hand after each, and stop when the projected
-# gradient vanishes.
+# and you got the one near your start. Add a secondary objective in the null space, such as elbow height. Take small
+# steps, correct the hand after each, and stop when the projected gradient vanishes.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1540,8 +1602,8 @@ print_figures("null_space_step", "exact", "damped")
 # frame</td></tr>
 # <tr><td>the robot stops at a limit although IK converged</td> <td>limits not enforced, or off by a full turn</td>
 # <td>`within(chain, q)`</td> <td>limits in every step; restarts</td></tr>
-# <tr><td>the arm sags when it carries a load</td> <td>gravity or payload missing in the model</td> <td>torques at
-# rest in two postures</td> <td>identify the base parameters</td></tr>
+# <tr><td>the arm sags when it carries a load</td> <td>payload or gravity wrong in the model; no integral
+# action</td> <td>torques at rest in two postures</td> <td>set or identify the payload; add integral action</td></tr>
 # </table>
 
 # %%
@@ -1556,8 +1618,6 @@ predict("error_that_stays")
 # Each exercise below has a card with the task and three hints, a cell to change, and a check on new random cases.
 #
 # ### Inverse kinematics of two links
-#
-# Use the triangle of section 1.
 
 # %%
 card("two_link_ik")
@@ -1588,7 +1648,7 @@ check(two_link_ik)
 # %% [markdown]
 # ### The Jacobian of an arm in space
 #
-# Each column is the joint's axis crossed with the line from the joint to the tool.
+# The linear rows of a column are the joint's axis crossed with the line from the joint to the tool.
 
 # %%
 card("jacobian")
@@ -1675,8 +1735,6 @@ check(null_space_step)
 
 # %% [markdown]
 # ### Recursive Newton-Euler for a planar arm
-#
-# One pass outwards, one pass inwards:
 
 # %%
 card("rnea_planar")
@@ -1707,9 +1765,9 @@ check(rnea_planar)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# An IK loop runs until forward kinematics agrees with the target. So if it converges, the *pose* is correct even with a
-# wrong Jacobian, and bugs can hide there. Here is an example. The **flange** is the plate at the end of the arm to
-# which a tool is screwed. This loop computes the Jacobian at the flange, although the tip of the tool is 35 cm away:
+# An IK loop stops when forward kinematics agrees with the target. So its *pose* is right even if its Jacobian is
+# wrong. Here is an example. The **flange** is the plate at the end of the arm to which a tool is screwed. This loop
+# computes the Jacobian at the flange, although the tip of the tool is 35 cm away:
 
 # %%
 longer = replace(arm, tool=(0.0, 0.25, 0.107 + 0.25, 1.0, 0.0, 0.0, 0.0))
@@ -1731,7 +1789,7 @@ for name, point in (("at the tool", longer.tool[:3]), ("at the flange", flange))
 
 # %% [markdown]
 # Both loops reach the pose. If the loop converges, a wrong Jacobian shows in the *number of steps* or in a
-# comparison with finite differences, but not in the remaining error. (With a flipped sign the loop would not converge.)
+# comparison with finite differences, but not in the remaining error.
 # The same matrix also turns forces into torques, printed here for the first three joints. Nothing corrects those.
 #
 # Now find a bug yourself. The next function returns angles every time, and on the robot it tears a cable.
@@ -1794,7 +1852,8 @@ check(wrist_ik)
 # ### Formulas
 #
 # The check is symbolic, so any equivalent form is accepted. For a wrong formula it shows numbers at which yours
-# differs. <span class="kernel-only">Replace the text in quotes until the check accepts it.</span>
+# differs. The second of the two answers below is wrong on purpose.
+# <span class="kernel-only">Replace the text in quotes until the check accepts it.</span>
 
 # %%
 answer("two_link_jacobian", "l1*l2*sin(q2)")
@@ -1855,25 +1914,25 @@ show("flow_samples_all")
 # %% [markdown]
 # <table>
 # <tr><th>work</th> <th>year</th> <th>what it does</th></tr>
-# <tr><td>TRAC-IK (Beeson and Ames, Humanoids)</td> <td>2015</td> <td>classical: two solvers with restarts in parallel,
-# the baseline that a learned one has to beat</td></tr>
+# <tr><td>TRAC-IK (Beeson and Ames, Humanoids)</td> <td>2015</td> <td>classical: two solvers with restarts in parallel;
+# a common baseline</td></tr>
 # <tr><td>IKFlow (Ames, Morgan and Konidaris, IEEE RA-L 7)</td> <td>2022</td> <td>a conditional flow for one arm; its
 # approximate samples are refined by a classical solver</td></tr>
 # <tr><td>Neural Inverse Kinematics (Bensadoun and others, ICML)</td> <td>2022</td> <td>samples one joint after another,
 # each given the joints before it</td></tr>
 # <tr><td>GGIK (Limoyo and others, arXiv 2209.08812)</td> <td>2022</td> <td>one graph network for many arms</td></tr>
-# <tr><td>cuRobo (Sundaralingam and others, ICRA)</td> <td>2023</td> <td>classical: thousands of starts optimised at
-# once on a GPU, with collision checks</td></tr>
 # <tr><td>IK-Geo (Elias and Wen)</td> <td>2022</td> <td>classical: all solutions of a six-joint arm from geometric
 # subproblems</td></tr>
+# <tr><td>cuRobo (Sundaralingam and others, ICRA)</td> <td>2023</td> <td>classical: thousands of starts optimised at
+# once on a GPU, with collision checks</td></tr>
 # <tr><td>PyRoki (Kim, Yi and others, arXiv 2505.03728)</td> <td>2025</td> <td>classical: differentiable kinematics
 # and least squares on CPU and GPU</td></tr>
 # </table>
 #
 # The course trains something simpler than a flow: a small network with several outputs, each proposing one start for
 # Levenberg-Marquardt. The left panel shows the share of poses of the 7-R arm that are solved within a given number of
-# steps. The right panel shows which part of all solutions of a planar three-joint arm is found, the *coverage*; for
-# that arm the curve of solutions is known exactly:
+# steps, counted over all starts. The right panel shows which part of all solutions of a planar three-joint arm is
+# found, the *coverage*; for that arm the curve of solutions is known exactly:
 #
 # ![Poses solved, and solutions covered, with random starts, a lookup table and a
 # network](../docs/charts/learned_seeds.png)
@@ -1883,12 +1942,12 @@ figures(read("learned_seeds"), summary="Poses solved and solutions covered")
 
 # %% [markdown]
 # The network needs as many steps as the lookup table. Neither covers clearly more solutions than random starts, whose
-# curve is hidden behind the table's; the network covers fewer from 16 starts on. Here, ten seconds of training
-# brought no advantage over the table.
+# curve is hidden behind the table's; with 16 to 64 starts the network covers fewer. So this small network, trained for
+# ten seconds, has no advantage over the table. A larger one might.
 #
-# **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it: from
-# a loss on a grasp or an image back to joint angles, and even to link lengths. PyTorch computes the Jacobian of section
-# 5 that way, one row per backward pass. What a gradient cannot do is move between separate branches of solutions.
+# **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it:
+# from a loss on a grasp or an image back to joint angles. What a gradient cannot do is move between separate branches
+# of solutions.
 #
 # ## 9 · Interview
 #

@@ -540,6 +540,10 @@ def _two_links(names: Names) -> None:
     with pytest.raises(ValueError, match="every direction"):
         postures(0.4, 0.4, 0.0, 0.0)
     assert postures(0.4, 0.3, 0.0, 0.0) == []
+    for r, edge in ((1.5 + 1e-10, 1.5), (0.5 - 1e-10, 0.5)):
+        assert postures(1.0, 0.5, r, 0.0) == []
+        ((q1, q2),) = postures(1.0, 0.5, r, 0.0, 1e-9)
+        assert abs(reached(1.0, 0.5, q1, q2) - edge) < 1e-15
 
 
 # --- RRT with its parts handed in: dense samples, a wall, a budget --------------------------------

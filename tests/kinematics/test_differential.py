@@ -198,3 +198,28 @@ def test_the_program_follows_best_within_the_limits():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.optional
+def test_with_minks_error_of_a_pose_both_solvers_agree() -> None:
+    """What differs between mink and `bounded_velocity` in large steps is only the pose's error."""
+    dt, fastest, damping = 0.05, 2.0, 0.01
+    try:
+        tracker = mink.Tracker(ARM, fastest, dt, damping)
+    except ImportError as error:
+        optional.skip(f"differential inverse kinematics was NOT compared with mink: {error}")
+    rng, apart = np.random.default_rng(1), 0.0
+    for _ in range(20):
+        q = rng.uniform(ARM.lower, ARM.upper)
+        target = tip(ARM, q + 0.1 * rng.normal(size=7))
+        theirs = tracker.velocity(q, target)
+        task, configuration = tracker._task, tracker._configuration
+        J, error = task.compute_jacobian(configuration), task.compute_error(configuration)
+        bounds = velocity_bounds(ARM, q, fastest, dt)
+        assert theirs == pytest.approx(
+            bounded_velocity(J, -error / dt, *bounds, damping).v, abs=1e-6
+        )
+        twist = pose_error(target, tip(ARM, q)) / dt
+        ours = bounded_velocity(jacobian(ARM, q), twist, *bounds, damping).v
+        apart = max(apart, float(np.abs(ours - theirs).max()))
+    assert apart > 1e-3

@@ -110,6 +110,10 @@ def follow(chain: Chain, velocity: Velocity, motion: Array, dt: float) -> Run:
     return Run(error, float(np.maximum(low - postures, postures - high).max()), seconds)
 
 
+def _two_digits(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"
+
+
 @chart
 def velocity_limits(
     cycles: Sequence[float] = (0.05, 0.02, 0.01, 0.005), paths: int = 100, libraries: bool = True
@@ -158,8 +162,8 @@ def velocity_limits(
                 high=high if banded else None,
                 tags=[f"{1e3 * dt:g} ms" for dt in cycles] if name == "scaled" else (),
                 note=f"{name:<18} largest error {1e3 * median[-1]:6.2f} mm in the median "
-                f"(quartiles {1e3 * low[-1]:.2g} and {1e3 * high[-1]:.2g}); "
-                f"beyond a limit on {beyond:.0%} of the paths",
+                f"(quartiles {_two_digits(1e3 * low[-1])} and {_two_digits(1e3 * high[-1])}); "
+                f"over a limit on {beyond:.0%} of paths",
             )
         )
     program = runs["quadratic program"]
@@ -171,7 +175,7 @@ def velocity_limits(
             ]
             low, median, high = np.percentile(ratio, [25.0, 50.0, 75.0])
             accuracy_panel.notes.append(
-                f"time of {name:<10} over that of the quadratic program: {median:.2g} times "
+                f"{name}: a cycle takes {median:.2g} times as long as with the quadratic program "
                 f"(quartiles {low:.2g} to {high:.2g})"
             )
     yield accuracy_panel

@@ -25,12 +25,12 @@ Flags = NDArray[np.bool_]
 Answer = Callable[[Array, np.random.Generator], Array | None]
 # A posture in the middle of the ranges: the pose of its tip has branches on both sides [rad].
 POSTURE = np.array([0.3, 0.4, -0.2, -1.9, 0.5, 1.8, 0.4])
-# Both curves of single calls lie at the same times, where the numbers of one would hide the other;
-# with as many tries they leave about as many poses as their batches.
-NUMBERED = ("our method in Python", "closed form, a batch", "compiled search, a batch")
+# In single calls most of the time is that of the call, so both methods lie at the same times; with
+# as many tries they leave about as many poses as their batches.
+DRAWN = ("closed form, a batch", "compiled search, a batch")
 FOOTER = (
-    "Triangles at the lower edge: every pose got an answer. Without 'a batch' there is a call for "
-    "each pose."
+    "Numbers: angles of the last joint, or starts, that are tried. Triangles: every pose got an "
+    "answer."
 )
 
 
@@ -143,7 +143,7 @@ def seven_joint(
         ylim=(-np.pi, np.pi),
     )
     for name, chosen, key in (
-        ("outside the limits", ~fits & np.isfinite(swivel), ""),
+        ("outside the limits", ~fits & np.isfinite(swivel), "no limits"),
         ("within the limits", fits, "closed form"),
     ):
         # Points, as branches begin, end and pass half a turn.
@@ -221,7 +221,8 @@ def seven_joint(
                 cost,
                 failed,
                 name,
-                tags=_counts(sizes, failed) if name in NUMBERED else [],
+                tags=_counts(sizes, failed) if name in DRAWN else [],
+                extra=name not in DRAWN,
                 note=f"{name:<23} {failed[-1]:.2%} without an answer at {sizes[-1]} tries, "
                 f"{1e6 * cost[-1]:.3g} us; error of the answers {np.median(good):.0e} in the "
                 f"median, {good.max():.0e} at most [m, rad]",
