@@ -1290,7 +1290,7 @@ show("converged_within_limits")
 # Three things make a method fast here: its steps, compiled code instead of Python, and the batch. The table separates
 # them. *A batch* is one call for all poses: 10,000 ordinary ones, or 1,000 near a singular posture.
 
-# %%
+# %% tags=["hide-code"]
 lines = [line for line in read("ik_success").splitlines() if "solved a second" in line]
 names, rates = zip(*(line.split(" solved")[0].rsplit(None, 1) for line in lines), strict=True)
 half = len(lines) // 2  # of each panel; the usual loop solves too few to count
@@ -1389,7 +1389,7 @@ print_figures("ik_residual", "A target on")
 # ![Error of the hand against computing time, and against time on one path](../docs/charts/velocity_limits.png)
 
 # %%
-print_figures("velocity_limits", "clipped", "quadratic program", "mink:", "no limits:")
+print_figures("velocity_limits", "clipped largest", "quadratic program", "mink:", "no limits:")
 
 # %% [markdown]
 # The bands are quartiles over the paths. The grey curve ignores the limits, so no real arm can follow it. Clipping
@@ -1458,7 +1458,7 @@ figures(
 # ![Joint speed against elbow bend and damping, and the tracking error that damping
 # costs](../docs/charts/damping_map.png)
 
-# %%
+# %% tags=["hide-code"]
 print_figures("damping_map", "never", "without")
 weakest = motion.SPEED / (2.0 * motion.RATE)
 for gap in (1e-2, 1e-3, 1e-4):

@@ -294,13 +294,13 @@ def damping_map(
         ylim=(damping[0], damping[-1]),
     )
     map_panel.series = [
-        Series("theory: s / (s^2 + lambda^2) = limit", bend, needed, "theory on a map", "--"),
-        Series("1 / (2 lambda) = limit", bend, 0 * bend + peak, "theory on a map", ":"),
+        Series("theory: s / (s^2 + lambda^2) = w / v", bend, needed, "theory on a map", "--"),
+        Series("1 / (2 lambda) = w / v", bend, 0 * bend + peak, "theory on a map", ":"),
     ]
     safe = damping[(grid.values <= 1).all(axis=1)].min()
     map_panel.notes = [
-        f"never above the limit from lambda = {safe:.4f} m/rad on; 1 / (2 limit) is {peak:.4f}",
-        f"without damping it is above the limit within {np.interp(1 / highest, s, bend):.3f} rad",
+        f"never too fast from lambda = {safe:.4f} m/rad on; v / (2 w) is {peak:.4f} m/rad",
+        f"without damping too fast within {np.interp(1 / highest, s, bend):.3f} rad of stretched",
     ]
     yield map_panel
 
