@@ -5,9 +5,9 @@
 # moves. Another arm stops in front of its target and never gets there. Both faults come from the way joint angles are
 # computed.*
 #
-# Below, an arm of two links follows a target in small steps. Each step is computed from how the tip moves when a joint
-# turns a little. The question is about a stretched arm; the simulation starts bent. Section 1 explains the numbers
-# below the picture.
+# Below, an arm of two links follows a target in small steps, each computed from how the tip moves when a joint turns a
+# little. The question has the arm stretched; the simulation starts bent. Section 1 explains the numbers below the
+# picture.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes. The interview answers in section 9 are not counted.
