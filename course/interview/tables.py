@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from course import CHAPTERS
 from course.check import invalid, one_of
 from course.interview.chart_data import chart
 from course.interview.fields import FIELD, estimate, filled
@@ -148,6 +149,13 @@ def classical_or_learned() -> Table:
     )
 
 
+def _numbered(place: str) -> str:
+    """Return "contact: Defaults" with the number of the chapter instead of its short name."""
+    topic, heading = place.split(": ", 1)
+    (number,) = (chapter.number for chapter in CHAPTERS if chapter.topic == topic)
+    return f"{number}: {heading}"
+
+
 def reading() -> Table:
     """Return the book, the papers and the repositories, with their content and their chapters."""
     rows = []
@@ -156,7 +164,7 @@ def reading() -> Table:
             result = work(entry["work"])
             named = f"{entry['name']}: " if "name" in entry else ""
             cited = named + ", ".join(str(result[k]) for k in ("authors", "title", "year", "venue"))
-            serves = "; ".join(entry["serves"])
+            serves = "; ".join(_numbered(place) for place in entry["serves"])
             found = f"github.com/{entry['name']}" if kind == "repository" else link(entry["work"])
             rows.append((cited, found, entry["says"], serves))
     return Table("Reading", ("What", "Link", "It says", "Chapter: section here"), tuple(rows))

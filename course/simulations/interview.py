@@ -189,13 +189,13 @@ _SHORT = word(*_NAMED)[0]
     "chance to recall",
     "How the answer is forgotten",
     "chance now",
-    "stability",
-    "difficulty",
-    "asked again in",
+    "down to 90 % after",
+    "difficulty (1 to 10)",
+    "asked again after",
     "reviews of all four",
     " days",
     "never rated",
-    "chance to recall each of the four cards now",
+    "chance to recall each card (orange: below 90 %)",
     "time left to answer",
     " s",
     "Reveal",
@@ -361,16 +361,16 @@ def frame(pen, state, controls):
     draw.reading(pen, _NOW, recall(since, known), 2, 0, never)
     draw.reading(pen, _STABLE, known, 1, _UNIT, never)
     draw.reading(pen, _HARD, state["difficulty"][k], 1, 0, never)
-    draw.reading(pen, _NEXT, max(interval(known) - since, 0.0), 1, _UNIT, never)
+    draw.reading(pen, _NEXT, interval(known), 0, _UNIT, never)
     draw.reading(pen, _COUNT, np.sum(state["reviews"]), 0)
 
 
 PRESETS = {
     "Mock question": Preset(
         {}, "Answer aloud while the thin bar below the card shrinks: a minute. Then click Reveal, "
-        "compare, and rate how well you knew it. The curve jumps at once to its new course, the "
-        "number below it says when you are asked again, and the next question starts its own "
-        "minute."),
+        "compare, and rate how well you knew it. The curve jumps at once to its new course, a "
+        "number below it says after how many days you are asked again, and the next question "
+        "starts its own minute."),
     "Days pass": Preset(
         {"speed": 1.0}, "A second is a day. Four answers that were rated some days ago: the spot "
         "slides down the curve. Below the dashed line it turns orange, and the question is asked "
@@ -380,7 +380,7 @@ PRESETS = {
         "know it. The waits grow. How many reviews are there after sixty days?"),
     "Crammed": Preset(
         {"reviewer": "every day", "speed": 5.0}, "A review every day. The chance stays near one, "
-        "and the stability grows far less with each review."),
+        "and each review slows the forgetting far less."),
     "Always forgotten": Preset(
         {"reviewer": "when due", "rating": "again", "speed": 5.0}, "Rated 'again' each time: "
         "difficulty runs to its limit, and the wait never leaves a day."),
@@ -392,9 +392,9 @@ PAPER = draw.Paper(TITLE, word, colour)
 READOUTS = {
     "time left to answer": "Seconds of the minute in which you answer aloud.",
     "chance now": "Predicted probability that you recall this card now.",
-    "stability": "Days until the chance of recall falls to 90 %.",
-    "difficulty": "Difficulty of the card on the scheduler's scale from 1 to 10.",
-    "asked again in": "Days until the scheduler shows this card again.",
+    "down to 90 % after": "Days from the last review until the chance of recall is 90 %.",
+    "difficulty (1 to 10)": "The scheduler's estimate; at 10, the days grow most slowly.",
+    "asked again after": "Days from the last review to the next one: whole days.",
     "reviews of all four": "Reviews of all four cards so far.",
 }
 

@@ -210,8 +210,8 @@ SCENARIO = Scenario(
     "and return the time ratio: the time until the slide is lost, divided by the time without "
     "the change. Each of these probes stops its run after about three times the time of the "
     "unchanged run. So if the slide survives, the time ratio is about three. You can read the "
-    "program, but not the parameters of the machine; you can only run the probes below. What "
-    "is the cause, and what do you change?",
+    "program, but not the parameters that this simulation uses; you can only run the probes "
+    "below. What is the cause, and what do you change?",
     symptom_words="lost after",
     unit="steps",
     symptom=symptom,

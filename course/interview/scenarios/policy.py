@@ -305,7 +305,7 @@ SCENARIO = Scenario(
     probes=(
         Probe(
             "print_statistics",
-            "standard deviation of the angle after the policy has scaled it, in poses like those "
+            "standard deviation of the normalised angle that the policy uses, in poses like those "
             "of training",
             "",
             4,
@@ -314,7 +314,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "swap_statistics",
-            "fraction of keys pressed and held if the policy scales the angle with the mean and "
+            "fraction of keys pressed and held if the policy normalises the angle by the mean and "
             "standard deviation that were saved in training",
             "",
             10,

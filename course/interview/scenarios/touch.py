@@ -222,7 +222,7 @@ SCENARIO = Scenario(
     "newtons. In free motion it is steady. As soon as it touches the plate, it starts to hammer "
     "and does not stop. Some probes change one thing and return the oscillation ratio: the size of "
     "the oscillation of the force with the change, divided by the size without it. You can read "
-    "the program, but not the parameters of the machine, which are on its controller; you can only "
+    "the program, but not the parameters of the arm, which are on its controller; you can only "
     "run the probes below. What is the cause, and what do you change?",
     symptom_words="peak-to-peak oscillation of the force",
     unit="N",
