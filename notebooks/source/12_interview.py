@@ -391,10 +391,10 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 # %% [markdown]
 # ### Six estimates
 #
-# Practise to estimate six numbers about an arm; they are in the table below. The **stopping distance** is the distance
-# that a robot travels from the moment at which its sensor could notice the reason to stop until it stands still. The
-# **effective mass** is the mass that you would feel if a given point of the arm hit you in a given direction. It is not
-# the mass of the arm, and it depends on the posture.
+# Practise to estimate the six numbers in the table below. They are about an arm. The **stopping distance** is the
+# distance that a robot travels from the moment at which its sensor could notice the reason to stop until it stands
+# still. The **effective mass** is the mass that you would feel if a given point of the arm hit you in a given
+# direction. It is not the mass of the arm, and it depends on the posture.
 #
 # The position error adds up two kinds of errors. A **systematic error** is the same in each pick, and you know its
 # size. Here the part lies on a moving belt, and while the camera image is processed it moves on by belt speed times
@@ -405,11 +405,11 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 # normally distributed, 95 % of the cases stay within twice this value. So the estimate adds twice this value to the
 # systematic error.
 #
-# What is a case? The errors of the pixel and of the arm differ in each pick. The *hand-eye error*, in the angle between
-# camera and arm, differs only from robot to robot. This robot is not built yet, so the estimate is about the picks of
-# many robots of this kind. Once yours is calibrated, measure its hand-eye error and treat it as systematic.
+# What is a case? The errors of the pixel and of the arm differ in each pick. The *hand-eye error* (in the angle between
+# camera and arm) differs only between robots. This robot is not built yet, so the estimate is about the picks of many
+# robots. Once yours is calibrated, measure its hand-eye error and treat it as systematic.
 #
-# The table is for another robot than above. Its last column says what the letters mean.
+# The table is for another robot than above. Its last column explains the letters.
 
 # %% tags=["hide-code"]
 INPUTS = {
@@ -950,25 +950,27 @@ predict("learned_or_not")
 SAY = """
 * **Perception.** "On a hundred simulated images of a known part, a network's guess and one run of ICP took
   {chart.learned_start/0/noise x 1/x/4:.1f} ms and were right in all. Four fixed starts took
-  {chart.learned_start/0/noise x 1/x/1:.1f} ms and were right in all, too." Limit: for a mirrored part, the network
-  gave a wrong start and no warning.
+  {chart.learned_start/0/noise x 1/x/1:.1f} ms and were right in all, too." Limit: for a mirrored part, the
+  network gave a wrong start and no warning.
 * **Planning.** "In two hundred test worlds like those of the training, RRT-Connect needed
   {learned_sampler_speeds_up.learned:.0f} collision checks with samples from a network (median; interval
-  {chart.learned_planners/1/learned/x@high=0.5:.0f} to {chart.learned_planners/1/learned/x@low=0.5:.0f}), and
-  {learned_sampler_speeds_up.uniform:.0f} with uniform samples
-  ({chart.learned_planners/1/uniform/x@high=0.5:.0f} to {chart.learned_planners/1/uniform/x@low=0.5:.0f})." Limit: with the walls turned by ninety degrees, the
-  network needed more than uniform samples. It also needs an image of the world, and its computing time is not counted.
+  {chart.learned_planners/1/learned/x@high=0.5:.0f} to {chart.learned_planners/1/learned/x@low=0.5:.0f}),
+  and {learned_sampler_speeds_up.uniform:.0f} with uniform samples
+  ({chart.learned_planners/1/uniform/x@high=0.5:.0f} to {chart.learned_planners/1/uniform/x@low=0.5:.0f})."
+  Limit: with the walls turned by ninety degrees, the network needed more than uniform samples. It also
+  needs an image of the world, and its computing time is not counted.
 * **Control.** "On a simulated arm, the largest angle error of computed torque with a wrong model was
   {chart.tracking_laws/1/computed torque/y/-1:.2g} rad. A correction that was learned from
   {chart.learned_beside_adaptive/0/learned, trained/x/-1:.0f} s of data lowered it to
-  {chart.learned_beside_adaptive/0/learned, trained/y/-1:.1g} rad (median of seven runs). An adaptive law, which
-  corrects its model while it runs, reached {chart.learned_beside_adaptive/0/lines/0/1:.1g} rad." Limit: on a larger
-  motion than the trained one, the error with the learned correction was
+  {chart.learned_beside_adaptive/0/learned, trained/y/-1:.1g} rad (median of seven runs). An adaptive law,
+  which corrects its model while it runs, reached {chart.learned_beside_adaptive/0/lines/0/1:.1g} rad."
+  Limit: on a larger motion than the trained one, the error with the learned correction was
   {chart.learned_beside_adaptive/0/learned, a larger/y/-1:.1g} rad.
-* **Model of an arm.** "A learned model predicted the angles of a simulated arm, up to 0.6 s ahead, to {chart.learned_model/0/learned/y/-1:.0f} mrad, after
-  {chart.learned_model/0/learned/x/-1:.0f} s of data. Equations with fitted parameters reached
-  {chart.learned_model/0/our arm/y/-1:.0f} mrad after {chart.learned_model/0/our arm/x/-1:.0f} s." Limit: this arm is
-  simulated with equations of the same form. A real arm never obeys them exactly, so there the result can differ.
+* **Model of an arm.** "A learned model predicted the angles of a simulated arm, up to 0.6 s ahead, to
+  {chart.learned_model/0/learned/y/-1:.0f} mrad, after {chart.learned_model/0/learned/x/-1:.0f} s of data.
+  Equations with fitted parameters reached {chart.learned_model/0/our arm/y/-1:.0f} mrad after
+  {chart.learned_model/0/our arm/x/-1:.0f} s." Limit: this arm is simulated with equations of the same form.
+  A real arm never obeys them exactly, so there the result can differ.
 """
 full = tables.classical_or_learned().markdown()
 Markdown(
