@@ -31,7 +31,8 @@ PYTEST := env $(QUIET) $(BIN)/pytest
 # `make prove` runs the checks for the pages as well.
 CLAIMS := recorded
 NBVAL := env COURSE_CLAIMS=$(CLAIMS) $(QUIET) $(BIN)/pytest --nbval --nbval-current-env \
-	--nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout=120 -n $(WORKERS) --dist loadfile
+	--nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout=120 -n $(WORKERS) --dist loadfile \
+	--no-loadscope-reorder
 
 .NOTPARALLEL:
 .PHONY: help setup environment platforms sphinx site lab check test prove lint types pytest nbval warm charts notebooks dist clean optional extras cpus
@@ -39,7 +40,10 @@ NBVAL := env COURSE_CLAIMS=$(CLAIMS) $(QUIET) $(BIN)/pytest --nbval --nbval-curr
 # `make test TOPIC=contact` and `make prove TOPIC=contact`: one topic, and the framework's smoke tests.
 TOPIC ?=
 OF_TOPIC := $(if $(TOPIC),--topic $(TOPIC))
-NOTEBOOKS := $(if $(TOPIC),$(wildcard notebooks/[0-9][0-9]_$(TOPIC).ipynb),notebooks/)
+# The pages that run for a minute and more come first, so that no worker is left alone with one.
+LONGEST := $(wildcard $(patsubst %,notebooks/??_%.ipynb,pipeline sim_to_real perception learning interview))
+NOTEBOOKS := $(if $(TOPIC),$(wildcard notebooks/[0-9][0-9]_$(TOPIC).ipynb),\
+	$(LONGEST) $(filter-out $(LONGEST),$(sort $(wildcard notebooks/*.ipynb))))
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -98,7 +102,7 @@ cpus: environment sphinx ## the claims, the notebooks and what learns, computed 
 		$(BIN)/python -m tools.cpus $$cpu -- $(BIN)/python -m tools.warm; \
 		$(BIN)/python -m tools.cpus $$cpu -- $(PYTEST) -q tests/learning \
 			tests/derivations/test_derivations.py -n $(WORKERS) --dist worksteal; \
-		$(BIN)/python -m tools.cpus $$cpu -- $(NBVAL) notebooks/; \
+		$(BIN)/python -m tools.cpus $$cpu -- $(NBVAL) $(NOTEBOOKS); \
 	done
 
 lint: environment ## ruff: rules and layout; codespell

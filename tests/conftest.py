@@ -65,6 +65,13 @@ def pytest_configure(config: pytest.Config) -> None:
 # --- Which tests run ------------------------------------------------------------------------------
 
 
+def _waits(path: Path) -> bool:
+    return (
+        path.is_relative_to(ROOT / "tests" / "site")
+        or path == ROOT / "tests/notebooks/test_browser.py"
+    )
+
+
 def _topic(item: pytest.Item) -> str:
     marker = item.get_closest_marker("topic")
     if marker:
@@ -93,7 +100,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         return bool(in_tier and of_topic)
 
     config.hook.pytest_deselected(items=[item for item in items if not selected(item)])
-    items[:] = [item for item in items if selected(item)]
+    # What waits for a browser or for the site comes first: as the last it would run alone.
+    items[:] = sorted(filter(selected, items), key=lambda item: not _waits(item.path))
 
 
 def pytest_ignore_collect(collection_path: Path) -> bool | None:

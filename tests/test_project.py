@@ -86,7 +86,8 @@ HEAVY = (
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "module", ["course", "course.vector_env", *(chapter.module for chapter in PRESENT)]
+    "module",
+    ["course", *budget.sampled(["course.vector_env", *(chapter.module for chapter in PRESENT)], 3)],
 )
 def test_importing_is_light_and_silent(module: str) -> None:
     program = (

@@ -28,8 +28,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # What stands beside the chapters is read with one of them.
 READ_WITH = {"sim_to_real": ("vector_env",)}
-# What is not in the package `course`: the learner's robot, which runs the chapters' loops.
-ELSEWHERE = {"robot": "drills.robot.compiled"}
+# What belongs to no chapter: the simulations, and the learner's robot in the package `drills`.
+ELSEWHERE = {"simulations": "course.simulations", "robot": "drills.robot.compiled"}
 
 
 def module_of(topic: str) -> str:

@@ -121,6 +121,9 @@ def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
     import numpy as np
 
+    from course.control import frequency
+    from course.control.pid import advance_rate
+    from course.control.sampled import crossings
     from course.kinematics import TwoLink
 
     Controller(Gains(1.0), 1e-3).update(0.0, 0.0)
@@ -130,4 +133,9 @@ def warm() -> None:
     track(arm, JointLaw("pd", arm, 1.0, 1.0), lambda t: np.zeros((3, 2, t.size)), 1e-3, 1e-3)
     rollouts(arm, np.zeros((1, 1, 2)), 1e-3, (np.zeros(2), np.zeros(2)))
     lqr(np.eye(1), np.eye(1), np.eye(1), np.eye(1))
+    advance_rate(0.0, 0.0, 1e-3, np.zeros(5), 0.0, 0.0)
+    plant, law = held(*joint_system(1.0), 0.1), pid_law(1.0, 0.0, 1.0, dt=0.1)
+    crossings(plant, law)
+    frequency.response(plant, law)
+    frequency.loop_shape(plant, law)
     box_qp(np.eye(1), np.zeros(1), 0.0, 1.0)

@@ -129,4 +129,5 @@ def warm() -> None:
 
     one = np.zeros((1, 1))
     perceptron(one, np.zeros(6, np.float32), 1, 1)
+    TwoWays().sides(np.zeros((1, 2, 2)))
     mixture_sample(np.zeros((1, 3)), 1, one, one)

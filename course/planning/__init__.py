@@ -120,10 +120,22 @@ __all__ = [
 
 def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
-    from course.planning import capsules, kinodynamic, manifold, roadmaps, trajectory, trees, worlds
+    from course.planning import (
+        batches,
+        capsules,
+        held,
+        kinodynamic,
+        manifold,
+        roadmaps,
+        trajectory,
+        trees,
+        worlds,
+    )
 
     worlds.warm()
     capsules.warm()
+    batches.warm()
+    held.warm()
     trees.warm()
     roadmaps.warm()
     trajectory.warm()

@@ -293,3 +293,8 @@ def one_by_one(world: World) -> World:
     if world.edge_free is not _raked:
         raise invalid("world", world.kind, "a world of `in_batches`")
     return replace(world, edge_free=_one_by_one)
+
+
+def warm() -> None:
+    """Compile, or load from the cache, the edge check in batches."""
+    assert in_batches(capsule_arm([])).kernels

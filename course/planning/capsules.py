@@ -558,4 +558,5 @@ def warm() -> None:
     """Compile, or load from the cache, the tests of this file's worlds."""
     world = shelf("open").world
     assert world.kernels
+    assert sampled(world).kernels
     compiled(world.clearance, CLEARANCE)

@@ -197,3 +197,8 @@ def _gaps(body, states, first):
         for r in range(first, body.shape[0]):
             result[s, r - first] = _pair_gap(body, r, pose)
     return result
+
+
+def warm() -> None:
+    """Compile, or load from the cache, the gaps of pairs."""
+    compiled(_gaps, GAPS)

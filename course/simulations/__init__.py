@@ -66,6 +66,15 @@ RECORDED = {
 }
 
 
+def warm() -> None:
+    """Compile, or load from the cache, what simulations run and no chapter does."""
+    from course.simulations.control import joint, nyquist, probe
+    from course.simulations.learning import point
+
+    for model in (nyquist, joint, probe, point):
+        model.warm()
+
+
 def simulation(name: str, preset: str = "", still: float = 3.0) -> Panel:
     """Return a simulation as a widget for a notebook; it starts paused.
 

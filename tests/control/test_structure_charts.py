@@ -103,7 +103,7 @@ def test_with_differences_the_limit_of_adaptation_is_that_of_their_loop() -> Non
     assert differenced(0.98 * limit, dt) < 1.0 < differenced(1.02 * limit, dt)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_chart_of_adaptation_shows_both_sides_of_its_limit() -> None:
     sides, limits = build("adaptation_limits", points=2)
     above, below = (np.abs(one.y) for one in sides.series)

@@ -450,7 +450,7 @@ def test_reasons_of_results_are_of_the_closed_list() -> None:
 # --- The robot's button ---------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_page_without_a_kernel_names_the_command_instead_of_a_button(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -107,7 +107,7 @@ def test_an_extension_walks_towards_its_target_upright_and_free(world) -> None:
     assert moved >= 3
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_planner_keeps_the_cup_upright_with_the_proof_and_not_without() -> None:
     """A long step without the proof tilts the cup beyond the tolerance; with the proof no step."""
     world = planning.shelf("open").world

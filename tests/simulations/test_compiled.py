@@ -14,7 +14,7 @@ from tests.budget import examples
 from tests.simulations.compiled import Compiled, assert_compiled_is_plain
 from tests.simulations.models import WALK
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.prove  # it compiles a model
 
 NAMES = ("an area", "a line", "a polygon", "discs", "an arrow", "a text", "a readout")
 
@@ -24,7 +24,6 @@ def compiled() -> Any:
     return Compiled(WALK)
 
 
-@pytest.mark.prove
 def test_compiled_is_plain(compiled: Any) -> None:
     assert_compiled_is_plain(WALK, compiled, [dict(each.values) for each in WALK.presets.values()])
 

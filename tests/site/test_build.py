@@ -1,6 +1,7 @@
 """The site as files: complete, whole in its links, without a formula lost; and what it refuses."""
 
 import base64
+import copy
 import functools
 import html
 import json
@@ -33,6 +34,8 @@ pytestmark = pytest.mark.slow  # Sphinx builds the whole site once.
 
 PAGES = ["reference", *(group.page for group in modules.GROUPS)]
 CHAPTER_PAGES = [Path(chapter.notebook).stem for chapter in CHAPTERS]
+# The scope puts the tests of a page one after the other, so that most workers read it once.
+BY_PAGE = pytest.mark.parametrize("name", CHAPTER_PAGES, scope="module")
 
 
 @functools.cache
@@ -51,7 +54,7 @@ def letters(text: str) -> str:
 CHANGE_ME = re.compile(r"[Cc]hange me: (\w)")
 
 
-@pytest.mark.parametrize("name", CHAPTER_PAGES)
+@BY_PAGE
 def test_plumbing_is_not_on_a_page(site: Path, name: str) -> None:
     """No code that only shows a card, a claim or a simulation."""
     code = [tag.get_text() for tag in soup(site / f"{name}.html").select("article pre")]
@@ -95,7 +98,7 @@ def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CHAPTER_PAGES)
+@BY_PAGE
 def test_pictures_and_simulations_of_a_page_are_those_of_its_notebook(
     site: Path, name: str
 ) -> None:
@@ -186,14 +189,14 @@ KERNEL = re.compile(
 
 def kernel_sentences(article: Any) -> list[str]:
     """What a page says of a kernel, apart from the notes below what needs Python."""
-    article = BeautifulSoup(str(article), "html.parser")
+    article = copy.copy(article)
     for note in article.select(".needs-python, .kernel-only"):
         note.decompose()
     text = re.sub(r"\s+", " ", article.get_text())
     return [text[max(0, m.start() - 40) : m.end() + 40] for m in KERNEL.finditer(text)]
 
 
-@pytest.mark.parametrize("name", ["index", *CHAPTER_PAGES])
+@pytest.mark.parametrize("name", ["index", *CHAPTER_PAGES], scope="module")
 def test_no_sentence_is_about_a_kernel(site: Path, name: str) -> None:
     page = soup(site / f"{name}.html")
     assert page.select(".kernel-only") == []
@@ -264,7 +267,7 @@ def test_the_home_page_counts_the_cards_of_every_chapter(site: Path) -> None:
             assert not right or right.count("yes") == 1, card["data-card"]
 
 
-@pytest.mark.parametrize("name", CHAPTER_PAGES)
+@BY_PAGE
 def test_no_formula_is_left_as_typed(site: Path, name: str) -> None:
     """As many formulas as the text of the notebook has between dollars, and no dollar left."""
     notebook = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4)
@@ -359,7 +362,7 @@ def links(page: Path) -> list[tuple[Path, str]]:
     return result
 
 
-@pytest.mark.slow
+@pytest.mark.prove  # the build itself refuses such a site, by other code
 def test_every_link_and_anchor_leads_somewhere(site: Path) -> None:
     pages = sorted(site.glob("*.html"))
     assert len(pages) == 1 + len(CHAPTERS) + len(build.BESIDE) + len(build.DOORS) + 1 + len(PAGES)

@@ -73,6 +73,11 @@ def judged(kp, ki, kd, dt, delay, target, q):
 _judged = loop(judged, VECTOR(*6 * (numba.float64,), VECTOR))
 
 
+def warm() -> None:
+    """Compile, or load from the cache, what the model calls from Python."""
+    _judged(1.0, 0.0, 1.0, 1e-2, 0.0, 1.0, np.zeros(200))
+
+
 @register_jitable
 def numbers_of(controls):
     """Return the gains as the chapter's loop takes them: `course.control.Gains.numbers`."""

@@ -165,6 +165,14 @@ def stepped(kp, ki, kd, dt, delay, samples):
 _stepped = loop(stepped, VECTOR(*5 * (numba.float64,), numba.int64))
 
 
+def warm() -> None:
+    """Compile, or load from the cache, what the model calls from Python."""
+    loop_of = (1.0, 0.0, 1.0, 1e-2, 0.0)
+    _judged(*loop_of)
+    _curve(*loop_of)
+    _stepped(*loop_of, 1)
+
+
 @register_jitable
 def swing_of(angle, dt):
     """Return the angular frequency with which samples pass 1, or -1 without three passages."""

@@ -49,6 +49,11 @@ def growth(law, wall, delay):
 _growth = loop(growth, numba.float64(VECTOR, numba.float64, numba.float64))
 
 
+def warm() -> None:
+    """Compile, or load from the cache, what the model calls from Python."""
+    _growth(np.zeros(7), 0.0, 0.0)
+
+
 @register_jitable
 def law_of(controls):
     """Return the law as the chapter's loop takes it: `course.control.TouchLaw.numbers`."""

@@ -239,6 +239,13 @@ start = loop(_start, numba.void(_STATE, _CONTROLS))
 train = loop(_train, numba.void(_STATE, _CONTROLS, numba.int64))
 
 
+def warm() -> None:
+    """Compile, or load from the cache, what the model calls from Python."""
+    state, controls = STATE.new(), CONTROLS.new()
+    start(state, controls)
+    train(state, controls, 0)
+
+
 def initial(controls, state):
     """Begin with a policy that has learned nothing."""
     start(state, controls)

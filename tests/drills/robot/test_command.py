@@ -247,7 +247,7 @@ def found_in(path: Path) -> str:
 @pytest.mark.parametrize(
     "stage",
     [
-        pytest.param(stage, marks=() if stage in ("perception", "control") else pytest.mark.prove)
+        pytest.param(stage, marks=() if stage == "perception" else pytest.mark.prove)
         for stage in STAGES
     ],
 )
