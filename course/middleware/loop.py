@@ -247,7 +247,7 @@ class Tried:
 
 ASKED: dict[str, dict[str, object]] = {
     "default": {"scheduler": "other", "lock": False, "quiet": False},
-    "nice -20": {"scheduler": "other", "nice": -20, "lock": False, "quiet": False},
+    "niceness -20": {"scheduler": "other", "nice": -20, "lock": False, "quiet": False},
     "SCHED_FIFO": {"scheduler": "fifo", "priority": 50},
 }
 

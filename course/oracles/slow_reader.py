@@ -69,7 +69,7 @@ def queue_ages(
 
 @dataclass(frozen=True)
 class Flood:
-    """What came of messages that were written as fast as possible.
+    """What came of messages that were written at a given rate, or as fast as possible.
 
     Attributes:
         received: how many came through.
@@ -85,19 +85,26 @@ class Flood:
 
 
 def flood(
-    size: int, depth: int, messages: int = 200, pause: float = 0.0, reliability: str = "best_effort"
+    size: int,
+    depth: int,
+    messages: int = 200,
+    pause: float = 0.0,
+    reliability: str = "best_effort",
+    every: float = 0.0,
 ) -> Flood:
-    """Write messages to a reader in another process as fast as the writer can.
+    """Write messages to a reader in another process, by default as fast as the writer can.
 
     Args:
         size: of a message [bytes].
         depth: of the keep-last queues of both ends.
-        messages: how many, all written at once.
+        messages: how many.
         pause: that the reader makes after each message [s].
         reliability: of both ends. What depth lets go is lost under either.
+        every: time from one write to the next [s]; with 0 all are written at once.
     """
     count("messages", messages, 1)
     finite("pause", pause, 0.0, 1.0, unit="s")
+    finite("every", every, 0.0, 1.0, unit="s")
     qos = QoS(one_of("reliability", reliability, ORDERS["reliability"]), depth=depth)
     topics, tally_ways, connected = names(), names(), elsewhere().Event()
     with (
@@ -110,7 +117,9 @@ def flood(
         connect(wire, connected)
         payload = memoryview(bytes(size))
         start = time.perf_counter()
-        for _ in range(messages):
+        for k in range(messages):
+            if every:  # absolute times, so that the writer does not drift
+                time.sleep(max(start + k * every - time.perf_counter(), 0.0))
             wire.send(payload)
         wrote = time.perf_counter() - start
         if reliability == "reliable":  # what was lost on the way may still be sent again

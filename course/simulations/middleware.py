@@ -349,12 +349,12 @@ _MS, _PER_CENT, _HZ, _SIGHT, _BLIND, _NO_PLAN, _NO_BOUND, _COMMA = word(
 )
 _AGE, _MEAN, _LATE, _BOUND, _SKIPPED, _LOST, _EXPECTED, _DROPPED, _MISSED, _MONITOR = word(
     "command age",
-    "mean of the run",
+    "mean command age",
     "loop late by",
-    "bound of it",
+    "lateness bound",
     "ticks skipped",
     "images lost",
-    "expected",
+    "loss expected",
     "queue dropped",
     "deadlines missed",
     "monitor",
@@ -594,12 +594,12 @@ PAPER = draw.Paper(TITLE, word, colour)
 # What each number below the picture means.
 READOUTS = {
     "command age": "Age of the camera image behind the command that acts right now.",
-    "mean of the run": "Mean age of the command over the run.",
+    "mean command age": "Mean age of the command over the run.",
     "loop late by": "Largest delay between the control loop's due time and its start so far.",
-    "bound of it": "Upper bound of that delay from response-time analysis.",
+    "lateness bound": "Upper bound of that delay from response-time analysis.",
     "ticks skipped": "Control ticks that did not run because the previous one had not finished.",
     "images lost": "Images that never arrived at perception, measured.",
-    "expected": "Fraction of lost images that theory predicts for these settings.",
+    "loss expected": "Fraction of lost images that theory predicts for these settings.",
     "queue dropped": "Messages that a full queue discarded.",
     "deadlines missed": "How often a message arrived later than the subscriber's deadline.",
     "monitor": "Whether the safety monitor still receives the data of its zone.",

@@ -44,6 +44,7 @@ import inspect
 import re
 import tempfile
 import textwrap
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -93,8 +94,8 @@ def timeline(axis, rows, unit="ms"):
 #
 # A **node** is a software component with a name. It publishes messages, subscribes to messages of other nodes and
 # answers requests. A named stream of messages is a **topic**. The publisher's end of a topic is called a **writer** in
-# DDS, and the subscriber's end a **reader**. We use both pairs of words. **Discovery** is how writers and readers of
-# the same topic find each other: each announces itself on the network.
+# DDS, and the subscriber's end a **reader**. We use both pairs. **Discovery** is how writers and readers of the same
+# topic find each other: each announces itself on the network.
 #
 # A **callback** is a function of yours that runs at an **event**, such as the arrival of a message or the end of a
 # timer's period.
@@ -108,7 +109,7 @@ layers = {
     "Perception and planning, 10-100 Hz": "find objects, plan motions: soft real time\n"
     "if late: the result is older",
     "Real-time thread, 1 kHz": "read encoders, compute torques, write them: hard real time\n"
-    "if late: the arm shakes or is damaged",
+    "if late: old torques act on; the arm can shake",
 }
 crossing = (
     "down: goals, as actions; up: feedback",
@@ -146,11 +147,11 @@ plt.show()
 # %% [markdown]
 # The top layer decides what to do next, for instance "grasp the cup". State machines and behaviour trees are two ways
 # of writing such decisions. The middle layer is **soft real time**: a late result is a worse result. The bottom layer
-# is **hard real time**: a missed period is a fault. The bottom layer has a thread of its own. The planner passes new
-# trajectories to this thread without ever making it wait.
+# is **hard real time**: it is designed so that no cycle is late, and a late cycle counts as a fault. It has a thread of
+# its own. The planner passes new trajectories to this thread without ever making it wait.
 #
 # ROS 2 offers four ways to interact with a node: topics, services, actions and parameters. The drawing shows who sends
-# what in the first three, with time running downwards (an action's acceptance and its cancelling are not drawn):
+# what in the first three, with time running downwards:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(8, 2.6), layout="constrained")
@@ -180,8 +181,9 @@ for axis, (name, arrows) in zip(axes, talks.items(), strict=True):
 plt.show()
 
 # %% [markdown]
-# The fourth, a **parameter**, is a named value that belongs to one node. The table's last column was measured with two
-# Python threads: until the callback runs, the reply arrives or the value is read.
+# The fourth, a **parameter**, is a named value that belongs to one node. The table's last column gives median times,
+# measured with two Python threads. Each time begins with the call and ends when the topic's callback starts, when the
+# reply of the service or the result of the action arrives, or when the node has read its own parameter.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 bus = Bus()
@@ -220,7 +222,10 @@ asker.timer(0.01, ask, group=Group("asks"))
 bus.run(1.0, real=True)
 forms = {
     "Topic": ("publish, subscribe; many to many", "streams: joint states, images"),
-    "Service": ("request, reply; one server", "short questions: plan now, get a parameter"),
+    "Service": (
+        "request, reply; one server",
+        "short requests: switch the gripper, get a parameter of another node",
+    ),
     "Action": ("goal, feedback, result; can be cancelled", "what takes seconds: move to a pose"),
     "Parameter": (
         "names and values of one node",
@@ -228,14 +233,20 @@ forms = {
     ),
 }
 table(
-    ("concept", "pattern", "use", "median latency between two threads here"),
-    *((name, *words, f"{1e6 * np.median(took[name]):.1f} us") for name, words in forms.items()),
+    ("concept", "pattern", "use", "median time here"),
+    *(
+        (
+            name,
+            *words,
+            f"{1e6 * np.median(took[name]):.1f} us{' (own node)' * (name == 'Parameter')}",
+        )
+        for name, words in forms.items()
+    ),
 )
 
 # %% [markdown]
-# These are not times of ROS 2. A service is a
-# request topic, a reply topic and a callback at the server, so the reply waits until the server has time for that
-# callback. An action is made of services and topics.
+# These are not times of ROS 2. A service is a request topic, a reply topic and a callback at the server, so the reply
+# waits until the server has time for that callback. An action is made of services and topics.
 
 # %% tags=["hide-code"]
 more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node_is_a_process")
@@ -261,10 +272,9 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 # * **Lifespan**: the age at which a message is discarded.
 #
 # The writer *offers*, the reader *requests*. Four of these policies are ranked: reliability, durability, deadline, and
-# liveliness with its lease. (DDS ranks three more, such as delivery order; ROS 2 does not use them.) If the
-# writer offers less than the reader requests in any ranked policy, DDS does not connect the two. For times, shorter
-# promises more: a deadline of 50 ms offers more than 100 ms. History, depth and lifespan are not compared, so they
-# never prevent a connection.
+# liveliness with its lease. If the writer offers less than the reader requests in any ranked policy, DDS does not
+# connect the two. For times, shorter promises more: a deadline of 50 ms offers more than 100 ms. History, depth and
+# lifespan are not compared, so they never prevent a connection.
 
 # %% tags=["hide-code"]
 local = {"durability": "transient_local"}
@@ -339,18 +349,18 @@ for (name, pair), cyclone in zip(queried.items(), observed, strict=True):
 table(*rows)
 
 # %% [markdown]
-# We tested all pairs of values, queue depths, late subscribers and events, on the bus and on Cyclone. The first line
-# counts the tests in which both agree. In lines 2 and 3, five pauses of 0.12 s separated the messages. With a deadline
-# of 0.05 s, two deadlines pass in each pause, so ten events are raised at each end. The
-# fold-out lists every test, also of policies that only DDS has.
+# We also ran a longer list of tests, both on the bus and on Cyclone: pairs of values of each policy, queue depths, late
+# subscribers and events. Each test is a row. The first line below counts the rows in which both agree. In lines 2 and
+# 3, five pauses of 0.12 s separated the messages. With a deadline of 0.05 s, two deadlines pass in each pause, so ten
+# events are raised at each end. The fold-out lists every row, also of policies that only DDS has.
 
 # %% tags=["hide-code"]
 figures(read("qos_verdicts"), "93", "deadline mis")
 
 # %% [markdown]
-# A topic can also be silent for other reasons. The two ends use different message types, or they are in different
-# **domains**: each process takes a domain number from `ROS_DOMAIN_ID`, and discovery works only within one. Or the
-# network blocks multicast (one packet that is sent to all members of a group), which discovery uses.
+# A topic can also be silent for other reasons. The two ends use different topic names or message types, or they are in
+# different **domains**: each process takes a domain number from `ROS_DOMAIN_ID`, and discovery works only within one
+# domain. Or the network blocks multicast (one packet that is sent to all members of a group), which discovery uses.
 #
 # <details><summary>Do DDS vendors differ?</summary>
 #
@@ -393,8 +403,8 @@ plt.show()
 # %% [markdown]
 # **A worked example.** A camera writes every 33.3 ms, and the reader's depth is 10. The images that a slow reader takes
 # are at least $9 \cdot 33.3 = 300$ ms old. With depth 1 it always takes the newest image. The chart compares this
-# computed least age with measurements on the bus and on Cyclone DDS. Green diamonds: a reader that empties its queue
-# each time and uses only the newest message.
+# computed least age with measurements on the bus and on Cyclone DDS. There the reader takes one message for every three
+# that are written. Green diamonds: a reader that empties its queue each time and uses only the newest message.
 #
 # ![Least age of what a slow reader takes against the depth: bus, Cyclone DDS, theory](../docs/charts/queue_ages.png)
 #
@@ -439,8 +449,8 @@ for name, case in {
 table(*rows)
 
 # %% [markdown]
-# Messages whose lifespan has ended are gone, but the last column does not count them as dropped. A late reader gets
-# nothing from a volatile writer, because such a writer stores no message for later readers.
+# Messages whose lifespan has ended are gone too, but the last column counts only those that a full queue dropped. A
+# late reader gets nothing from a volatile writer, because such a writer stores no message for later readers.
 
 # %%
 predict("late_screen")
@@ -511,7 +521,7 @@ rows = [("1000 cycles of 1 ms", "last cycle late by", "largest lateness", "cycle
 for name, relative, hiccup in (
     ("sleep for a period", True, ()),
     ("sleep until the release", False, ()),
-    ("until the release, one wake-up 5.3 ms late", False, (500,)),
+    ("until the release, one wake-up another 5.3 ms later", False, (500,)),
 ):
     times, work = clock(hiccup=hiccup)
     ran = loop.run(work, 1e-3, 1000, relative=relative, **times)
@@ -538,14 +548,20 @@ answer("relative_sleep", "1/(T + C)")
 # higher priority interrupts (**preempts**) the others. **Rate-monotonic** priorities give the highest priority to the
 # task with the shortest period.
 #
-# A task's **response time** is the time from its release to the end of its work. When is it longest? Every more urgent
-# task delays our task, most of all if it runs as often as possible between our release and our end. So the worst case
-# has both released at the same moment. If the urgent task were released earlier, some of its work would be over before
-# our release. If it were released later, all its releases would move later, and fewer might fall before our end.
+# A task's **response time** is the time from its release to the end of its work. It is longest at a
+# **critical instant**, when all tasks are released at the same moment. This is true for **independent** tasks, which
+# never wait for another task or for anything else, as long as they meet their deadlines. The picture shows a critical
+# instant of a controller (period 1 ms), a filter (10 ms) and a planner (100 ms).
 #
-# So the worst case is a **critical instant**: all tasks are released at the same moment. This is true for
-# **independent** tasks: none of them waits for another task or for anything else. The picture shows a critical instant
-# of a controller (period 1 ms), a filter (10 ms) and a planner (100 ms).
+# <details><summary>Why the same moment?</summary>
+#
+# Start with our task and a more urgent one released at the same moment, and then move the releases of the urgent task.
+# Suppose it is released earlier by a time $x$, and is still at work when we are released. Then $x$ of its work is
+# already done, so we end earlier by $x$. Its later releases also come earlier, but only by $x$, so none of them slips
+# in before our end. If instead it is released later than we are, all its releases move later, and fewer may fall before
+# our end. Neither makes our response longer.
+#
+# </details>
 
 # %% tags=["hide-code"]
 C, T = np.array([0.25, 2.0, 40.0]), np.array([1.0, 10.0, 100.0])
@@ -582,12 +598,15 @@ plt.show()
 #
 # $$R_i = C_i + B_i + \sum_{j<i} \left\lceil \frac{R_i}{T_j} \right\rceil C_j .$$
 #
-# In words: the task's own work, plus the blocking $B_i$, plus all runs of the more urgent tasks $j$ that are released
-# within $R_i$. The **blocking** is the longest time for which less urgent tasks can hold this one up, for instance with
-# a lock (next section). The brackets $\lceil\;\rceil$ round up. $R_i$ stands on both sides, so we start with $R_i =
-# C_i$, insert it on the right, and repeat until nothing changes. If the result is at most $T_i$, no run of the task
-# takes longer. If it exceeds $T_i$, and a blocking of $B_i$ can occur, the task can miss its deadline. Later runs can
-# take longer still.
+# Tasks are numbered by priority, the most urgent first. In words: the task's own work, plus the blocking $B_i$, plus
+# all runs of the more urgent tasks $j$ that are released within $R_i$. The **blocking** is the longest time for which
+# less urgent tasks can hold this one up, for instance with a lock (next section). The brackets $\lceil\;\rceil$ round
+# up.
+#
+# $R_i$ stands on both sides, so we start with $R_i = C_i$, insert it on the right, and repeat until nothing changes. If
+# the result is at most $T_i$, no run of the task takes longer. If it exceeds $T_i$, the task can miss its deadline,
+# provided that a blocking as long as $B_i$ can really occur. Then $R_i$ is not even the longest response time: a later
+# run may have to wait for the one before it.
 #
 # **A worked example**, for the filter: $C = 2$ ms, and the controller takes 0.25 ms of each 1 ms. Start with 2 ms. In
 # this time the controller is released twice, which makes $2 + 2 \cdot 0.25 = 2.5$ ms. In 2.5 ms there are three
@@ -610,7 +629,7 @@ show("critical_instant")
 # (1973) proved that $n$ such tasks meet all deadlines if their utilization is at most $n(2^{1/n} - 1)$. The
 # **hyperbolic bound** (Bini and others, 2001) accepts a set if $\prod (C_i/T_i + 1) \leq 2$. Both are sufficient and
 # not necessary: a set that they reject may still meet its deadlines. Of the safe tests that use only utilizations, the
-# hyperbolic bound accepts the most. To accept more, a test has to look at the periods, too. For the three tasks above:
+# hyperbolic bound accepts the most. For the three tasks above:
 
 # %% tags=["hide-code"]
 table(
@@ -625,16 +644,21 @@ table(
 
 # %% [markdown]
 # For the left panel of the chart we generated random sets of five tasks. The curves show which share of them each test
-# accepts. Triangles show which share met all deadlines in a simulated run. For the right panel, all computing times of
-# a set are lengthened by the same factor until a deadline is missed. The utilization at that point is called
-# **breakdown utilization**. The curve is its median, and the band holds the middle 90% of the sets.
+# accepts; *exact* is the response-time analysis. Triangles show which share met all deadlines in a simulated run. For
+# the right panel, all computing times of a set are lengthened by the same factor until a deadline is missed. The
+# utilization at that point is called **breakdown utilization**. The curve is its median, and the band holds the middle
+# 90% of the sets.
 #
 # ![Which task sets are in time by three tests, and breakdown utilization](../docs/charts/task_sets.png)
 #
-# Why should the shorter period come first? Suppose two neighbours in the order of priorities meet their deadlines with
-# the longer period first. The short-period task runs second; let it finish at time $R$, within its period. By $R$ both
-# are done. In the other order the same work fills the time to $R$, so both meet the shorter period, and thus the longer
-# one. Swap neighbours until all are sorted by period: no deadline is lost.
+# <details><summary>Why should the shorter period come first?</summary>
+#
+# Suppose two tasks with neighbouring priorities meet their deadlines although the longer period comes first. Release
+# both at once. The short-period task runs second; let it finish at time $R$, within its period. By then both are done.
+# In the other order, the same work fills the time to $R$. So both end by $R$, within the shorter period and thus also
+# within the longer one. Swap neighbours until all tasks are sorted by period: no deadline is lost.
+#
+# </details>
 
 # %%
 show("by_rate_is_best")
@@ -664,7 +688,7 @@ charts = {
 }
 for axis, (name, spans) in zip(axes, charts.items(), strict=True):
     timeline(axis, spans)
-    _ = axis.set_title(f"{name} (pale red: the most urgent task waits)", fontsize=9)
+    _ = axis.set_title(f"{name} (pale red: the most urgent task waits; blue: it runs)", fontsize=9)
 _ = axes[0].set_xlabel("")
 plt.show()
 
@@ -699,7 +723,7 @@ table(*rows)
 # %% [markdown]
 # The low task still computes for 20 ms under the lock when the most urgent one arrives, so 20 ms of waiting are
 # unavoidable. The rest is the middle task's work. The chart shows the same effect with three real Linux processes on
-# one core ("this system").
+# one core ("this system"; the ceiling is only simulated).
 #
 # ![Waits for a lock against the middle task's time, three protocols](../docs/charts/lock_waits.png)
 
@@ -738,24 +762,27 @@ Markdown(f"```cpp\n{triple.rstrip()}\n```")
 #
 # </details>
 #
-# How long does a call take, at worst? A **mutex** is a lock of the operating system or the language. A reader of 2 kHz
-# and a writer that never pauses share a trajectory of 5.6 kB:
+# How long does one call take? A **mutex** is a lock of the operating system or the language. A reader of 2 kHz and a
+# writer that never pauses share a trajectory of 5.6 kB:
 #
 # ![Time of a call without a lock, and with two kinds of mutex](../docs/charts/handover_waits.png)
 #
-# *Each line gives the time that 50, 99, 99.9 and 100 % of the calls do not exceed. The baseline copies a value that no
-# other thread uses; the others are the triple buffer and two mutexes. First three panels: the reader, with real-time
+# *The points of a line are the times that 50, 99 and 99.9 % of the calls do not exceed, and the slowest of all calls.
+# "A copy, not shared" copies a value that no other thread uses. First three panels: the reader, with real-time
 # priority. Last panel: the writer, an ordinary thread. The printed lines are from the second panel ("loaded").*
 
 # %%
 figures(read("handover_waits"), "loaded, triple", "loaded, mutex", "loaded, std")
 
 # %% [markdown]
-# Half of the calls hardly differ; the slowest ones do. Even with a core each ("alone"), a reader that meets a locked
-# mutex waits much longer than one copy takes, probably because the system puts it to sleep and has to wake it again. If
-# the writer is interrupted while it holds `std::mutex`, the urgent reader waits until the scheduler lets the writer run
-# again, for many periods. Inheritance ends most of this wait. The triple buffer has no lock to wait for: its slowest
-# calls take tens of microseconds, as those of a plain copy do. The writer is interrupted with every method.
+# With every method, half of the calls take less than a microsecond. The slow calls differ. In the first panel, reader
+# and writer have a core each. There a reader that meets a locked mutex waits much longer than one copy takes, probably
+# because the system puts it to sleep and has to wake it again.
+#
+# In the second panel, the writer can be interrupted while it holds `std::mutex`. Then the urgent reader waits until the
+# scheduler lets the writer run again, for many periods. In the third panel, with less load, this is rarer. Inheritance
+# ends most of this wait. The triple buffer has no lock to wait for, so its calls are about as long as those of a plain
+# copy. In the last panel the writer is interrupted with every method. (The slowest of 11,000 calls is not a bound.)
 
 # %% [markdown]
 # ### Executors: who waits for a thread
@@ -794,10 +821,11 @@ _ = axes[1].set_xlabel(
 plt.show()
 
 # %% [markdown]
-# To protect the control callback, put it in a group of its own and give it a thread. The table shows the longest time
-# from when control is due until it ends, in forty simulated runs, and a computed bound. In the rows with two cameras,
-# both take an image at the same moment, every 100 ms. Control takes 1 ms and is due every 50 ms; a camera's callback
-# takes 25 ms:
+# To protect the control callback, put it in a group of its own. If all groups are exclusive, give the executor as many
+# threads as groups: then a thread is always free for control. This thread still needs a core: a free one, or a higher
+# priority than the others. The table shows the longest time from when control is due until it ends, in forty simulated
+# runs, and a computed bound. In the rows with two cameras, both take an image at the same moment, every 100 ms. Control
+# takes 1 ms and is due every 50 ms; a camera's callback takes 25 ms:
 
 # %% tags=["hide-code"]
 control = Work("control", 0.001, 0.050)
@@ -810,8 +838,8 @@ for cameras, name, some, order, threads in (
     ("control, one camera", "one thread, ready set", one, "ready set", 1),
     ("", "one thread, first in first out", one, "fifo", 1),
     ("control, two cameras", "one thread, ready set", two, "ready set", 1),
-    ("", "one thread, a timer that is due first", two, "timers first", 1),
-    ("", "a group and a thread each", apart, "ready set", 3),
+    ("", "one thread, due timers first", two, "timers first", 1),
+    ("", "a group, a thread and a core each", apart, "ready set", 3),
 ):
     # Both cameras have the same phase.
     phases = [(a, *[b] * (len(some) - 1)) for a, b in rng.random((40, 2))]
@@ -823,16 +851,20 @@ table(*rows)
 # %% [markdown]
 # ![Longest wait of a control callback behind a camera's, in three orders](../docs/charts/executor_waits.png)
 #
-# *The three orders lie on each other; "fifo" means first in, first out.*
+# *The three orders need the same time. The upper line is their bound; "fifo" means first in, first out.*
 #
 # With one camera, the order of the callbacks does not change the bound, which is the sum of both callbacks. With two
-# cameras the order matters. In a ready set, both cameras may run before control: 25 + 25 + 1 = 51 ms. That is longer
-# than control's period of 50 ms, so control is due once more in between: 52 ms. If due timers run first,
-# control waits only for the camera callback that is already running. (A bound always holds; it need not be reached.)
+# cameras the order matters. If control becomes due just after the thread has made its list, and both cameras are in the
+# list, control waits for both: 25 + 25 + 1 = 51 ms. This is longer than control's period. So the bound allows for one
+# more case: the list also holds control's previous run, which is late itself and takes another 1 ms. Together that is
+# 52 ms.
+#
+# A bound is never exceeded, but it need not be reached. If due timers run first, control waits only for the camera
+# callback that is already running.
 #
 # A callback can even wait for itself. Below, a node called `hand` offers a service called `grasp`. A timer callback of
-# the same node calls this service and waits for the reply. Timer and service are both in the node's default group. The
-# bus reports who waits for whom:
+# the same node calls this service and waits for the reply. When the reply arrives, it needs a callback too, at the
+# client. Timer, service and client are all in the node's default group. The bus reports who waits for whom:
 
 # %% tags=["hide-code"]
 bus = Bus()
@@ -867,8 +899,9 @@ more_claims("not_real_time_by_default", "callback_over_a_period", "callback_sets
 # profiles of writer and reader. If they are compatible, look for a callback that never returns, for instance because it
 # waits for itself.
 #
-# *Late* data waited somewhere: in a queue, for retransmission on the link, behind other callbacks in the executor, or
-# behind other tasks on the core. Find out where, and compute the longest wait.
+# *Late* data waited somewhere: in a queue, on the link (for its turn, or to be sent again), behind other callbacks in
+# the executor, or behind other tasks on the core. Or the message is large, and turning it into bytes and sending it
+# takes long. Find out where, and compute the longest wait.
 #
 # </div>
 
@@ -885,7 +918,7 @@ more_claims("not_real_time_by_default", "callback_over_a_period", "callback_sets
 # </div>
 
 # %% tags=["hide-code"]
-figure_, axis = plt.subplots(figsize=(8.8, 2.6), layout="constrained")
+figure_, axis = plt.subplots(figsize=(8.8, 3.1), layout="constrained")
 boxes = {
     "camera\n30 Hz": (0, 0),
     "perception": (2.4, 0),
@@ -904,9 +937,16 @@ arrows = [
     ((3.15, 0), (4.2, 0), "best effort\ndepth 1\ndeadline"),
     ((5.4, 0), (6.55, 0), "reliable\ndepth 1"),
     ((7.85, 0), (8.95, 0), "same\nthread"),
-    ((5.6, -1.4), (7.0, -0.4), "reliable, transient\nlocal, lease"),
+    ((5.7, -1.45), (7.2, -0.4), "reliable, transient\nlocal, lease"),
     ((4.0, -1.5), (2.9, -1.5), "reliable\ntransient\nlocal, lease"),
 ]
+# Joint states go from the controller to whoever needs the arm's present position.
+_ = axis.plot([7.2, 7.2, 2.4], [0.4, 1.15, 1.15], color=BLUE, lw=1.2)
+for x in (2.4, 4.8):
+    _ = axis.annotate("", (x, 0.95), (x, 1.16), arrowprops={"arrowstyle": "->", "color": BLUE})
+_ = axis.annotate("", (5.15, -1.2), (6.75, -0.35), arrowprops={"arrowstyle": "->", "color": BLUE})
+_ = axis.text(6.0, 1.2, "joint states: best effort, depth 1", ha="center", va="bottom",
+              fontsize=8.5, color=BLUE)  # fmt: skip
 for begin, end, words in arrows:
     _ = axis.annotate("", end, begin, arrowprops={"arrowstyle": "->"})
     x, y = (begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2
@@ -919,19 +959,22 @@ for begin, end, words in arrows:
         va="top" if slanted else "bottom",
         fontsize=8.5,
     )
-_ = axis.set(xlim=(-0.8, 10.2), ylim=(-1.8, 0.75))
+_ = axis.set(xlim=(-0.8, 10.2), ylim=(-1.8, 1.45))
 axis.axis("off")
 plt.show()
 
 # %% [markdown]
 # <table> <tr><th>connection</th> <th>policies</th> <th>because</th></tr> <tr><td>camera → perception</td> <td>best
-# effort, depth 1; both nodes in one process if possible</td> <td>only the newest image counts; on a slow link, an image
-# that is sent again arrives when a newer one is due</td></tr> <tr><td>perception → planner</td> <td>best effort, depth
-# 1, deadline of three camera periods</td> <td>the next scene (the objects in an image) replaces a lost one; the planner
-# must notice if several in a row are missing</td></tr> <tr><td>planner → controller</td> <td>reliable, depth 1, a whole
-# trajectory with times</td> <td>the next trajectory comes only after 100 ms; until then the controller
-# interpolates</td></tr> <tr><td>controller → drives</td> <td>no middleware: the same thread</td> <td>a missed period is
-# a physical fault</td></tr> <tr><td>safety monitor → controller, screen</td> <td>reliable, transient local, depth 1,
+# effort, depth 1, with a receive buffer that is large enough (see below)</td> <td>only the newest image counts; on a
+# slow link, an image that is sent again arrives when a newer one is due</td></tr> <tr><td>perception → planner</td>
+# <td>best effort, depth 1, deadline of three camera periods</td> <td>the next scene (the objects in an image) replaces
+# a lost one; the planner must notice if several in a row are missing</td></tr> <tr><td>planner → controller</td>
+# <td>reliable, depth 1, a whole trajectory with times</td> <td>the next trajectory comes only after 100 ms; until then
+# the controller interpolates</td></tr> <tr><td>controller → drives</td> <td>no middleware: the same thread</td> <td>a
+# late torque means that the old one acts on; several in a row can make the arm shake</td></tr> <tr><td>joint states →
+# perception, planner, safety monitor</td> <td>best effort, depth 1, each with its time stamp</td> <td>perception
+# computes the camera's pose from them, the planner starts at them, and the monitor checks them; the next one comes
+# within milliseconds</td></tr> <tr><td>safety monitor → controller, screen</td> <td>reliable, transient local, depth 1,
 # with a lease</td> <td>a late subscriber needs the current status; a controller that no longer hears the monitor must
 # stop the arm</td></tr> </table>
 #
@@ -994,12 +1037,12 @@ table(*lines)
 # The ages are computed; the last column is the average of 16 simulated runs. In each run, every clock starts at a
 # random time (its **phase**). The camera takes 5 ms, perception 20 ms (slow: 50 ms) and the planner 40 ms.
 #
-# Rows 1 and 2 differ by 60 ms. The faster planner saves 10 ms. Starting it when a scene arrives, without a timer, saves
-# the other 50 ms: no scene waits, and plans come three times as often. That works only if planning finishes before the
-# next image, so this planner takes 30 ms.
+# Row 2 is 60 ms better on average. The faster planner saves 10 ms. Starting it when a scene arrives saves the other 50
+# ms: no scene waits, and plans come three times as often. It has to finish before the next image, so it takes 30 ms.
 #
 # An image of $w \times h$ pixels with $c$ bytes per pixel, sent $f$ times a second, needs $w\,h\,c\,f$ bytes per
-# second. A colour pixel takes three bytes, a depth pixel two.
+# second. A colour pixel takes three bytes, a depth pixel two. A packet on Ethernet has room for 1,472 bytes beside its
+# headers.
 
 # %% tags=["hide-code"]
 STREAMS = {"VGA colour": (640, 480, 3, 30), "720p colour and depth": (1280, 720, 5, 30)}
@@ -1011,28 +1054,44 @@ table(*lines)
 
 # %% [markdown]
 # Gigabit Ethernet carries at most 125 MB/s, so the larger stream does not fit: run camera and perception on one
-# computer, or compress. Images can be lost even on one computer. The operating system stores arriving packets in a
-# **receive buffer** until the program reads them from its **socket**, its end of the connection. If the packets of an
-# image arrive faster than the program reads, the buffer overflows. Ten images of 720p, written at once on Cyclone DDS
-# to another process here:
+# computer, or compress. Even there, images can be lost. The operating system stores arriving packets in a **receive
+# buffer** until the program reads them from its **socket**, its end of the connection. If the packets of an image
+# arrive faster than that, the buffer overflows. Below, ten images at 30 Hz go to another process on this computer, over
+# Cyclone DDS, with its default receive buffer (1 MiB) and a larger one:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 try:
+    from course.oracles.cyclonedds import buffered
     from course.oracles.slow_reader import flood
 
-    lines = [("reliability", "images received")]
-    for how in ("reliable", "best_effort"):
-        came = flood(
-            transport.stream(*STREAMS["720p colour and depth"])[0], 10, 10, reliability=how
-        )
-        lines.append((how.replace("_", " "), f"{came.received} of 10"))
+    lines = [("images", "reliability", "receive buffer", "received")]
+    for name, how, larger in (
+        ("VGA colour", "best_effort", None),
+        ("720p colour and depth", "best_effort", None),
+        ("720p colour and depth", "best_effort", 4 << 20),
+        ("720p colour and depth", "reliable", None),
+    ):
+        try:
+            with buffered(larger) if larger else nullcontext():
+                size = transport.stream(*STREAMS[name])[0]
+                came = flood(size, 10, 10, reliability=how, every=1 / 30).received
+            result = f"{came} of 10"
+        except ImportError:
+            raise
+        except Exception:
+            result = "not run: the system allows no such buffer"
+        words = "4 MiB" if larger else "default"
+        lines.append((name, how.replace("_", " "), words, result))
     result = table(*lines)
 except ImportError as missing:
     result = Markdown(str(missing))
 result
 
 # %% [markdown]
-# Do controller, perception and planner fit on one core?
+# An image of 4.6 MB overflows the default buffer, so with best effort hardly any gets through. Reliable delivery sends
+# the lost packets again, which takes longer. The better fix is a larger buffer; Linux limits it by `net.core.rmem_max`.
+#
+# Do controller (0.1 ms in each cycle), perception and planner fit on one core?
 
 # %% tags=["hide-code"]
 C, T = np.array([1e-4, 20e-3, 40e-3]), np.array([1e-3, 1 / 30, 0.1])
@@ -1051,16 +1110,6 @@ table(*lines)
 # %% [markdown]
 # All three together need more than a whole core. The planner has the lowest priority, and its backlog grows from plan
 # to plan, so no bound exists. Perception uses the most time, so it gets a core of its own.
-#
-# <div class="alert alert-block alert-success">
-#
-# **Interview tip.** Go through the layers and give a number for each. *"Torques at 1 kHz in a thread of their own, with
-# Linux's real-time priority, locked memory and no allocation. I compare the worst lateness under load with the delay at
-# which the loop would become unstable. The planner at 10 Hz may be late, because the controller interpolates and comes
-# to rest at the end of its trajectory. Perception has a queue of depth 1, so a new image replaces an unread one. It's
-# the depth that does this, not best effort."*
-#
-# </div>
 #
 # ### The launch file, and what it sets
 #
@@ -1086,10 +1135,12 @@ table(
 # %% [markdown]
 # A `qos_overrides` parameter (since ROS 2 Galactic, 2021) sets one policy of one end, for example
 # `qos_overrides./camera/image.publisher.depth: 1`. Times are in nanoseconds. The node's source has to allow it.
-# (Some nodes read their policies from parameters of their own, and some DDS vendors from XML files.)
 #
-# The file in the fold-out sets policies in this way. The table lists what differs from the defaults. (The spawner is
-# the program that loads the controller; its row shows what it passes on to the controller.)
+# The file in the fold-out sets policies in this way. Instead of the node `controller`, it uses **ros2_control**, ROS
+# 2's framework for controllers. The framework's own process runs our controller as a plug-in. A second program, the
+# **spawner**, loads the plug-in and passes its parameters to it. So the spawner's rows in the table are the
+# controller's policies. The table lists what differs from the defaults. (Joint states are not in the file: there, each
+# reader's source requests the policies.)
 
 # %% tags=["hide-code"]
 Markdown(
@@ -1130,15 +1181,14 @@ print("with the monitor's publisher left at default:", launch.silent(launch.node
 # %% [markdown]
 # What was decided, and what it costs:
 #
-# * *Processes.* If perception crashes in its own process, the controller goes on running. The arm does not hold its
-#   position by itself: somebody has to program what happens when no new plan arrives. The price is that every image is
-#   turned into bytes (**serialisation**) and copied several times on its way.
-# * *The controller* is a plug-in of **ros2_control**, ROS 2's framework for controllers. The framework has parameters
-#   for rate and thread priority (`update_rate`, `thread_priority`; manual, Jazzy 2024). The plug-in has a node of its
-#   own in the framework's process. Since August 2024 (Jazzy and later), that node ignores the parameters of the
-#   process. So the spawner has to pass the controller's parameters to it (`--param-file`, `--controller-ros-args`;
-#   release notes, Jazzy).
-# * *The planner's topic* needs an override only for its depth, because reliable is the default.
+# * *Processes.* The file starts a process for each node. If perception crashes, the controller goes on running. (The
+#   arm does not hold its position by itself: somebody has to program what happens when no new plan arrives.) The price
+#   is that every image is turned into bytes (**serialisation**) and copied several times on its way. If that takes too
+#   long, put camera and perception into one process.
+# * *The controller.* The framework has parameters for rate and thread priority (`update_rate`, `thread_priority`;
+#   manual, Jazzy 2024). The plug-in has a node of its own in the framework's process. Since August 2024 (Jazzy and
+#   later), that node ignores the parameters of the process. That is why the spawner has to pass them (`--param-file`,
+#   `--controller-ros-args`; release notes, Jazzy).
 #
 # <details><summary>Two more traps</summary>
 #
@@ -1156,12 +1206,23 @@ show("processes_isolate")
 more_claims("gigabit_is_enough", "launch_comments", "parameters_are_tunable")
 
 # %% [markdown]
+# <div class="alert alert-block alert-success">
+#
+# **Interview tip.** Go through the layers and give a number for each. *"Torques at 1 kHz in a thread of their own, with
+# Linux's real-time priority, locked memory and no allocation. I compare the worst lateness under load with the delay at
+# which the loop would become unstable. The planner at 10 Hz may be late, because the controller interpolates and comes
+# to rest at the end of its trajectory. The image behind a command is at most 200 ms old. Perception has a queue of
+# depth 1, so a new image replaces an unread one."*
+#
+# </div>
+#
 # ## 4 · Code
 #
 # ### Compatibility in twelve lines
 #
 # The function compares ranked policies, then durations, then the policies that have to be equal (such as DDS's
-# ownership, which ROS 2 does not use):
+# ownership, which ROS 2 does not use). `ORDERS` lists the values of each ranked policy, the weakest first. `TIMES`
+# names deadline and lease, which are infinite if not set, and `SAME` the last group:
 
 # %% tags=["hide-code"]
 body = inspect.getsource(compatible)
@@ -1174,10 +1235,12 @@ Markdown(
 #
 # Below is the update function of a controller for ros2_control (Kilted, 2025). It reads positions and velocities from
 # `state_interfaces_` and writes torques to `command_interfaces_`. The controller names the **interfaces** that it needs
-# (each is one number of one joint), and checks once, when it is configured and activated, that it has them. So `update`
-# checks no sizes. It also allocates no memory and never waits for a lock: both can take arbitrarily long. (Reading or
-# writing an interface tries a lock up to ten times, then gives up.) In the picture, the dashed arrow leads to the steps
-# that are repeated while the controller is active:
+# (each is one number of one joint), and checks that it has them when it is configured and activated. So `update` checks
+# no sizes. It also allocates no memory and never waits for a lock: both can take arbitrarily long. (Reading or writing
+# an interface tries a lock up to ten times, then gives up.)
+#
+# In the picture, the dashed arrow leads to the cycle that is repeated while the controller is active. The **hardware
+# component**, the driver of the arm, reads the encoders and writes the torques:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8.6, 1.7), layout="constrained")
@@ -1209,15 +1272,17 @@ folded = f"<details><summary>The whole file</summary>\n\n```cpp\n{whole}```\n\n<
 Markdown(f"```cpp\n{textwrap.dedent(update)}```\n\n{folded}")
 
 # %% [markdown]
-# `update` returns `ERROR` in two cases. A joint with an invalid reading (NaN) gets zero torque. A brake does not see
-# NaN. It engages when somebody cuts its current, and closes some time later. Until then the arm falls. If a time $t$
-# passes from the first cycle without torque until the brake has closed, then, starting from rest, and if the other
-# joints hold still, the centre of mass of what the joint carries drops by at most $g\,t^2/2$, as in free fall. If a
-# torque cannot be written (`set_value` fails), the last one remains in force.
+# `update` returns `ERROR` in two cases. In the first, a torque cannot be written (`set_value` fails), and the last one
+# remains in force. In the second, a reading is missing or invalid (NaN), and the joint gets zero torque. Zero torque
+# does not hold a joint; only its brake can. The brake closes some time after its current is cut. Let $t$ be the time
+# from the first cycle without torque until the brake has closed. If the joint was at rest and the other joints hold
+# still, the centre of mass of what it carries drops by at most $g\,t^2/2$, as in free fall.
 #
-# In ros2_control the controller manager
-# deactivates a controller whose `update` returns `ERROR`, and activates its `fallback_controllers` (since Jazzy, 2024).
-# The hardware component has to engage the brakes.
+# When `update` returns `ERROR`, the controller manager of ros2_control deactivates the controller and activates its
+# `fallback_controllers` (since Jazzy, 2024). The hardware component has to cut the current of the brakes.
+#
+# The example is stricter than what you would ship: a single cycle in which a lock was taken ends it. A real controller
+# would use the last reading for two or three cycles, count them, and only then report an error.
 #
 # The common alternative computes inside a subscription's callback, like this:
 
@@ -1310,8 +1375,9 @@ table(
     ("Deep queue", "perception slower than the camera, depth 10", "all commands are old",
         f"9 camera periods of {1e3 * CAMERA:.1f} ms in the queue: {9e3 * CAMERA:.0f} ms"),
     ("Overload", "the loop shares perception's thread", "cycles late and skipped",
-        f"late by up to {1e3 * (once + LOOP):.1f} ms: {1e3 * once:.1f} ms of perception ({1e3 * SEEING:.0f} ms of "
-        f"computing; other tasks of its core take the rest) and {1e3 * LOOP:.1f} ms of an earlier run of the loop"),
+        f"late by up to {1e3 * (once + LOOP):.1f} ms, if a cycle is due just after the thread has made its list: the "
+        f"list holds the previous cycle ({1e3 * LOOP:.1f} ms) and perception ({1e3 * once:.1f} ms, because other "
+        f"programs on the core stretch its {1e3 * SEEING:.0f} ms)"),
     ("Inversion", "a logger holds a lock that the loop needs; perception, more urgent, interrupts the logger",
         "the loop waits for perception",
         f"{1e3 * HOLD:.0f} ms for the lock and {1e3 * SEEING:.0f} ms for perception; with "
@@ -1322,35 +1388,44 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# ## 6 · Speed against accuracy
+# ## 6 · Speed: what a message costs
 #
-# How long does a message take to another process, or thread, and back? All transports return exactly the same bytes, so
-# accuracy is equal. (Zenoh is another middleware, see section 9.) Times are relative: 1 is the round trip of 64 bytes
-# between two threads that use a queue. Bands, here and in the next charts, show the spread of the measurements.
+# How long does a message take to another process, or thread, and back? We measured it from Python, on one computer. The
+# methods do different work, so this is no race between products: the table's second column says what each one does with
+# the bytes. Times are relative: 1 is the round trip of 64 bytes between two threads that use a queue. (Zenoh is another
+# middleware, see section 9.) Bands, here and in the next charts, show the middle half of the measurements.
 #
 # ![Round trips by size: threads, socket, shared memory, zenoh, Cyclone DDS](../docs/charts/round_trips.png)
 
 # %% tags=["hide-code"]
-lines = [("transport", "64 bytes", "16 kB", "one VGA image", "4 MB")]
+work = {
+    "threads, a queue": "passes a reference: nothing is copied",
+    "Unix socket": "copies raw bytes into the kernel and out of it",
+    "shared-memory ring": "copies raw bytes once, into memory that both processes see",
+    "zenoh, TCP": "raw bytes over TCP; its shared memory is switched off",
+    "Cyclone DDS, reliable": "serialises a typed message; packets over UDP, with acknowledgements",
+    "Cyclone DDS, sequence": "the same, and every byte becomes a Python object",
+}
+lines = [("transport", "what it does", "64 bytes", "16 kB", "one VGA image")]
 for one in stored("round_trips")[0].series:
     # The stored sizes are rounded to six digits.
     by_size = {size: y for x, y in zip(one.x, one.y, strict=True)
-               for size in (64, 16384, 921600, 4194304) if abs(x / size - 1) < 1e-3}  # fmt: skip
+               for size in (64, 16384, 921600) if abs(x / size - 1) < 1e-3}  # fmt: skip
     if 16384 in by_size:
         cells = [f"{y:,.0f}" if y >= 100 else f"{y:.2g}" for y in by_size.values()]
-        lines.append((one.label, *cells, *["-"] * (4 - len(cells))))
+        lines.append((one.label, work[one.label], *cells))
 table(*lines)
 
 # %% [markdown]
 # For small messages the differences are overhead: waking a background thread, numbering messages, and acknowledging
-# that they have arrived. For large ones each copy costs time, and so does serialisation. The curve *Cyclone DDS,
-# sequence* is slow because of Python: a message field declared as `sequence[uint8]` turns every byte into a Python
-# object. Declare it as `array[uint8, n]`.
+# that they have arrived. For large ones each copy costs time, and so does serialisation. The slow curve *Cyclone DDS,
+# sequence* is due to Python: a message field declared as `sequence[uint8]` turns every byte into a Python object.
+# Declare it as `array[uint8, n]`.
 #
-# At 4 MB, the time of Cyclone DDS jumps. A likely reason is that the message no longer fits into the receive buffer, so
-# that packets are lost and sent again. We did not count them.
+# In the chart, the time of Cyclone DDS jumps at 4 MB. Such a message does not fit into the receive buffer of 1 MiB, so
+# packets are probably lost and sent again (we did not count them). The jump says little about DDS with a larger buffer.
 #
-# *What to choose.* In one process, hand over a pointer. On one machine, use shared memory for large messages. Between
+# *What to choose.* In one process, pass a pointer. On one machine, use shared memory for large messages. Between
 # machines, use what the rest of your robots use, and compute bandwidth and packets first.
 #
 # Large and small messages can also delay each other, when they share a wire:
@@ -1359,7 +1434,7 @@ table(*lines)
 show("command_waits_for_picture")
 
 # %% [markdown]
-# The speed of the course's own tools:
+# The speed of the course's own tools, and the table's unit on this computer:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 bus, count = Bus(), 20_000
@@ -1369,6 +1444,11 @@ bus.node("a").timer(1e-3, lambda: (writer.publish(0), None)[1])
 begun = perf_counter()
 bus.run(count * 1e-3)
 print(f"bus: {count / (perf_counter() - begun):,.0f} messages/s, timer and callback included")
+with transport.threads() as trip:
+    begun = perf_counter()
+    _ = [trip(bytes(64)) for _ in range(1000)]
+    unit = 1e3 * (perf_counter() - begun)
+print(f"two threads, 64 bytes there and back (the unit of the table): {unit:.0f} us")
 sets = schedule.random_sets(8, 0.9, 1000, np.random.default_rng(3))
 begun = perf_counter()
 _ = response_times(*sets)
@@ -1383,9 +1463,10 @@ print(f"response times of 1,000 sets of 8 tasks: {1e3 * (perf_counter() - begun)
 #
 # ### Fragments: how one lost packet loses an image
 #
-# A network packet carries about 1,500 bytes, so a VGA image is split into more than six hundred **fragments**, one per
-# packet. The image is complete only if all of them arrive. Assume that each packet is lost with probability $p$,
-# independently. Then all $n$ fragments arrive with probability $(1 - p)^n$, and
+# A network packet carries about 1,500 bytes, so a VGA image is split into more than six hundred **fragments**. We
+# assume one fragment per packet. (Some middleware sends datagrams of several packets, which IP splits. Then one lost
+# packet costs its whole datagram.) The image is complete only if all fragments arrive. Assume that each packet is lost
+# with probability $p$, independently. Then all $n$ fragments arrive with probability $(1 - p)^n$, and
 #
 # $$P(\text{image lost}) = 1 - (1 - p)^n .$$
 #
@@ -1397,9 +1478,9 @@ predict("one_in_ten_thousand")
 # %% [markdown]
 # A reliable reader repairs this. It sends a **negative acknowledgement**, the list of the fragments that are missing,
 # and the writer sends those again. The first **round** sends all fragments, and each further round only the missing
-# ones. After $k$ rounds a given fragment is still missing with probability $p^k$, so the image needs another round with
-# probability $1 - (1 - p^k)^n$. An image that takes $m$ rounds is incomplete $m$ times: after $0, 1, \ldots, m - 1$
-# rounds. So the sum of these probabilities is the mean number of rounds:
+# ones. After $k$ rounds a given fragment is still missing with probability $p^k$, so round $k + 1$ is needed with
+# probability $1 - (1 - p^k)^n$. (Round 1 is always needed.) Adding up these probabilities over all rounds gives the
+# mean number of rounds:
 #
 # $$\sum_{k=0}^{\infty} \left(1 - (1 - p^k)^n\right).$$
 #
@@ -1419,8 +1500,7 @@ show("reliable_resends_all")
 # wait behind it, because a reliable topic preserves the order.
 #
 # In the picture a trip takes 6 ms. The servo notices the loss when the lost command should have arrived. Its request
-# for the repair takes one trip back, and the repair one more trip there. Which of the two reliabilities follows the
-# desired motion more closely?
+# for the repair takes one trip back, and the repair one more trip there.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(2, 1, figsize=(8, 3.2), layout="constrained", sharex=True)
@@ -1463,17 +1543,18 @@ predict("late_or_lost")
 # %% [markdown]
 # ![Tracking error added by loss, against the delay of the link, both reliabilities](../docs/charts/late_or_lost.png)
 #
-# "Sent again" is reliable; "lost, the next one counts" is best effort. The delay is one-way. On a fast link, the
-# repaired command arrives before the next one is due, and reliable is better for commands as well. On a slow link,
-# several commands wait behind the lost one, and best effort is better. In this run the curves cross where the round
-# trip takes somewhat less than one command period, so compare these two times.
+# "Sent again" is reliable; "lost, the next one counts" is best effort. The delay is one-way. The desired motion is a
+# sine of 300 mrad, once per second. On a fast link, the repaired command arrives before the next one is due, and
+# reliable is better for commands as well. On a slow link, several commands wait behind the lost one, and best effort is
+# better. In this run the curves cross where the round trip takes somewhat less than one command period, so compare
+# these two times.
 #
-# The bus favours reliable delivery here: its writer stores enough commands to repeat any of them, and its reader
-# notices a loss at once.
+
 #
 # <details><summary>What differs on DDS</summary>
 #
-# A reader notices a loss only when the next message arrives, or when the writer reports what it has sent (a
+# On the bus, the writer stores enough commands to repeat any of them, and the reader notices a loss at once. A DDS
+# reader notices a loss only when the next message arrives, or when the writer reports what it has sent (a
 # **heartbeat**). A writer of depth 1 can repeat a command only until it writes the next one. After that, later commands
 # wait until the writer has reported that the lost one is gone.
 #
@@ -1490,8 +1571,8 @@ more_claims("joint_states_reliable")
 #
 # An ordinary Linux scheduler is fair. It gives every process slices of the processor in turn, also while your
 # controller is due. `SCHED_FIFO` is another scheduling class: its tasks run before all ordinary ones, highest priority
-# first. Such a task runs until it finishes or sleeps, or until a more urgent one is due. `nice -20` only asks the fair
-# scheduler for a larger share.
+# first. Such a task runs until it finishes or sleeps, or until a more urgent one is due. A **niceness** of -20 (`nice
+# -n -20`) only asks the fair scheduler for a larger share.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(2, 1, figsize=(8, 2.6), layout="constrained", sharex=True)
@@ -1508,8 +1589,8 @@ _ = axes[0].set_xlabel("")
 plt.show()
 
 # %% [markdown]
-# We ran a 1 kHz loop in Python next to four processes that always compute, on two cores. The left panel sorts the
-# cycles by lateness: at 0.8 you read the lateness that 80% of them did not exceed.
+# We ran a 1 kHz loop in Python for 1.5 s, next to four processes that always compute, on two cores. The left panel
+# sorts the cycles by lateness: at 0.8 you read the lateness that 80% of them did not exceed.
 #
 # ![Lateness of a loop next to busy processes, and the drift of a relative sleep](../docs/charts/loop_lateness.png)
 #
@@ -1523,13 +1604,14 @@ lines = [("scheduler", "periods skipped", "median lateness", "99% are below", "l
 for name, *numbers in re.findall(row, read("loop_lateness")):
     skipped, periods, *late_ms = map(float, numbers)
     gain = delay_limit(0.5, 0.5, 1e-3 * late_ms[2] + 0.5e-3)[0]
-    lines.append((name, f"{skipped / periods:.0%}", *(f"{v:.2f} ms" for v in late_ms),
+    lines.append((name, f"{skipped:.0f} of {periods:.0f}", *(f"{v:.2f} ms" for v in late_ms),
                   f"{gain:.0f} N m/rad"))  # fmt: skip
 table(*lines)
 
 # %% [markdown]
 # Last column: if every cycle had the largest lateness of its row, the joint of chapter 6 would be stable up to this
-# proportional gain (torque per angle of error). With the default scheduler the controller has to be much softer.
+# proportional gain (torque per angle of error). With the default scheduler the controller has to be much softer. The
+# largest value of so short a run is not a bound: test for hours under the real load.
 #
 # A program needs a permission for a real-time priority, so read back what was granted. For this process, now:
 
@@ -1553,8 +1635,7 @@ with loop.urgent() as granted:
 #   deadline server reserves time for ordinary tasks instead.
 #
 # A real-time kernel shortens some of these waits, but page faults and garbage collection remain. *PREEMPT_RT* is a
-# configuration of the Linux kernel with which a more urgent task can preempt most of the kernel's own code. Xenomai's
-# *Cobalt* is a second kernel next to Linux with its own real-time threads (Xenomai 3 documentation).
+# configuration of the Linux kernel with which a more urgent task can preempt most of the kernel's own code.
 
 # %%
 show("fifo_makes_real_time")
@@ -1574,12 +1655,15 @@ for axis, stamps, parts in (
     (
         axes[0],
         ("captured", "published", "received", "callback starts"),
-        ("driver", "link,\nretransmission", "queue, executor"),
+        ("driver", "serialisation, link,\nretransmission", "queue, executor"),
     ),
     (
         axes[1],
         ("wake-up requested", "woken", "work done"),
-        ("operating system:\nscheduler", "your code: lock, page fault,\ngarbage collection, print"),
+        (
+            "operating system:\nscheduler",
+            "your code (lock, page fault,\ngarbage collection, print),\nor a task that preempts it",
+        ),
     ),
 ):
     _ = axis.annotate("", (len(stamps) - 0.7, 0), (-0.3, 0), arrowprops={"arrowstyle": "->"})
@@ -1602,7 +1686,8 @@ plt.show()
 #
 # A **lookup** names two frames and a time. Between two stamps the buffer *interpolates*: it moves the position along
 # the straight line and turns the orientation along the shortest rotation (**slerp**). With transforms every $T$ seconds
-# and an acceleration of at most $a$, the error is at most $a\,T^2/8$. After the newest stamp, interpolation is
+# and an acceleration of at most $a$, the error of the position is at most $a\,T^2/8$. (An error of the orientation
+# comes on top. It moves the cup more, the farther away the cup is.) After the newest stamp, interpolation is
 # impossible. Guessing a pose there is called **extrapolation**, and tf2 refuses it with an exception:
 
 # %% tags=["hide-code"]
@@ -1638,19 +1723,19 @@ plt.show()
 # The wait is a part of the age from section 3. Some programs request the newest transform instead. For an image from
 # the past, that is the pose of another moment.
 #
-# **A worked example.** The camera moves with at most $v = 0.94$ m/s and accelerates with at most $a = 3.0$ m/s², and
-# there is a transform every $T = 20$ ms. Between the stamps the error is at most $3.0 \cdot 0.02^2/8 = 0.15$ mm. Now
-# look $h = 20$ ms ahead of the newest stamp. Holding the newest pose costs up to $v\,h = 19$ mm. The line through the
-# last two poses costs up to $a\,h\,(h + T)/2 = 1.2$ mm. The chart compares these three bounds with lookups:
+# **A worked example.** The camera sits on a link that swings to and fro, once in 2 s. It moves with at most $v = 0.94$
+# m/s and accelerates with at most $a = 3.0$ m/s², and there is a transform every $T = 20$ ms. Between the stamps the
+# error is at most $3.0 \cdot 0.02^2/8 = 0.15$ mm. Now look $h = 20$ ms ahead of the newest stamp. Holding the newest
+# pose costs up to $v\,h = 19$ mm. The line through the last two poses costs up to $a\,h\,(h + T)/2 = 1.2$ mm. The chart
+# compares these three bounds with lookups:
 #
 # ![Error of a lookup against look-ahead, and against the time between transforms](../docs/charts/transform_lookups.png)
 #
-# For a look-ahead well above $T$, the bound of the linear continuation grows with its square. So the line loses in the
-# end. The chart shows the largest error over a whole swing. There the line loses beyond 0.3 of the swing's period
-# (dotted): the camera has turned back, but the line goes on. At a single moment, as in the picture above, it can lose
-# much earlier. Noise makes the line worse sooner. SciPy's Slerp, with NumPy's interpolation for the position, has the
-# same error as our buffer. (tf2 itself cannot be installed from PyPI, so we compare with its source code and with
-# SciPy.)
+# For a look-ahead well above $T$, the bound of the linear continuation grows with the square of the look-ahead, and the
+# bound of holding only in proportion to it. So the line loses in the end. Each point of the chart is the largest error
+# over a whole swing of 2 s. There the line loses if the look-ahead exceeds 0.3 of this period (dotted): the camera has
+# turned back, but the line goes on. At a single moment, as in the picture above, it can lose much earlier. SciPy's
+# Slerp has the same error as our buffer.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 timing = next(line for line in read("transform_lookups").splitlines() if "of a lookup" in line)
@@ -1667,26 +1752,15 @@ predict("clock_behind")
 motion = transforms.SwingingFrame()
 
 
-def lookup_at(requested, offset=0.0, back=None, clear=False):
+def lookup_at(requested, offset=0.0):
     """Return what a lookup says, after 20 s of transforms whose sender's clock is off [s]."""
     buffer = transforms.sample(motion, 0.01, 20.0, offset=offset)
-    if back is not None:
-        buffer.clear() if clear else None
-        for k in range(10):
-            # The new run: the camera rests one metre above the axis.
-            buffer.insert(20.0 - back + 0.01 * k, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0])
-        try:
-            place = buffer.lookup(buffer.newest).position
-        except transforms.ExtrapolationError as error:
-            return str(error)
-        which = "new" if place[2] > 0.5 else "previous"
-        return f"newest transform is of the {which} run; {buffer.ignored} of 10 ignored"
     try:
         place = buffer.lookup(requested).position
     except transforms.ExtrapolationError as error:
         return "refused: extrapolation into the " + ("past" if "past" in str(error) else "future")
     true = motion.at(requested).position[:, 0]
-    return f"no message; wrong by {1e3 * np.linalg.norm(place - true):.0f} mm"
+    return f"no exception; wrong by {1e3 * np.linalg.norm(place - true):.0f} mm"
 
 
 table(
@@ -1699,15 +1773,37 @@ table(
      "stamps of about 1.7e9 s next to stamps near 0"),
     ("sender on simulated time, this node on wall time", lookup_at(1.7e9 - 0.1),
      "the same, the other way round"),
-    ("simulation restarted, clock back by 5 s", lookup_at(0, back=5.0), "poses jump"),
-    ("simulation restarted, clock back by 15 s", lookup_at(0, back=15.0),
-     "warnings about old data"),
-    ("the same, and the buffer is cleared", lookup_at(0, back=15.0, clear=True), ""),
 )  # fmt: skip
 
 # %% [markdown]
-# The dangerous row is the second one: a small offset raises no exception. The error is about speed times offset. tf2's
-# buffer clears itself when its own node's clock jumps back. A node without `use_sim_time` never notices the jump.
+# The dangerous row is the second one: a small offset raises no exception. The error is about speed times offset.
+#
+# When a simulation is restarted, its clock jumps back, and new transforms have older stamps than those of the previous
+# run. tf2's buffer clears itself when the clock of its own node jumps back. A node without `use_sim_time` never notices
+# the jump, so its buffer still holds the previous run. It ignores new transforms that are more than 10 s older than its
+# newest one, and sorts the others between the old ones. We restart, send ten new transforms, and look up the newest:
+
+# %% tags=["hide-code"]
+
+
+def after_restart(back, clear=False):
+    """Return how many new transforms are stored after a jump back [s], and what a lookup finds."""
+    buffer = transforms.sample(motion, 0.01, 20.0)
+    if clear:
+        buffer.clear()
+    for k in range(10):
+        # The new run: the camera rests one metre above the axis.
+        buffer.insert(20.0 - back + 0.01 * k, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0])
+    found = "new" if buffer.lookup(buffer.newest).position[2] > 0.5 else "previous"
+    return f"{10 - buffer.ignored} of 10", f"a pose of the {found} run"
+
+
+table(
+    ("after the restart", "new transforms stored", "lookup of the newest", "how to tell"),
+    ("clock back by 5 s", *after_restart(5.0), "poses jump"),
+    ("clock back by 15 s", *after_restart(15.0), "warnings about old data"),
+    ("clock back by 15 s, buffer cleared", *after_restart(15.0, clear=True), ""),
+)
 
 # %% tags=["hide-code"]
 more_claims(
@@ -1752,9 +1848,13 @@ more_claims(
 # %% [markdown]
 # ### Listed, and yet not matched
 #
-# `ros2 topic list` shows your topic, and still nothing arrives. Discovery and matching are two steps. First the
-# programs find each other (DDS calls each a **participant**), and each lists the writers and readers of the other. Then
-# a writer and a reader are **matched** if domain, name and type agree and the QoS is compatible:
+# `ros2 topic list` shows your topic, and still nothing arrives. The list proves little: it shows a topic as soon as one
+# end of it exists, perhaps only your own subscriber. `ros2 topic info --verbose` with the topic's name lists all ends
+# that were discovered, with types and policies.
+#
+# Discovery and matching are two steps. First the programs find each other (DDS calls each a **participant**), and each
+# lists the writers and readers of the other. Then a writer and a reader are **matched** if domain, name and type agree
+# and the QoS is compatible:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(8.4, 2.1), layout="constrained")
@@ -1837,19 +1937,19 @@ more_claims("mismatch_is_late", "listed_is_matched")
 # %% [markdown]
 # <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>nothing arrives</td>
 # <td>incompatible QoS; or another topic name, type or domain; or nothing is published; or no server for a service, or a
-# callback that never returns</td> <td>compare both profiles; list the matched ends</td> <td>raise the offer, or lower
-# the request</td></tr> <tr><td>messages late by whole periods</td> <td>a full queue</td> <td>set the depth to 1</td>
-# <td>depth 1, or read everything and use the newest</td></tr> <tr><td>the larger the message, the later it is</td>
-# <td>serialisation, or fragments sent again</td> <td>send a small message; if it is fast, size matters. Send the large
-# one within one computer; if that is fast, the link is slow</td> <td>another message type, one process, shared memory,
-# compression</td></tr> <tr><td>late between reception and callback</td> <td>other callbacks run first</td> <td>time
-# each callback, add them up</td> <td>a group and a thread of its own, or a process</td></tr> <tr><td>jitter grows with
-# load</td> <td>ordinary scheduling, or a lock</td> <td>read back scheduler, core and memory locking; test under
-# load</td> <td>SCHED_FIFO; priority inheritance; no lock in the loop</td></tr> <tr><td>period too long by a
-# constant</td> <td>the loop sleeps for a period</td> <td>measure the drift over a thousand periods</td> <td>sleep until
-# the release</td></tr> <tr><td>a display that starts late stays empty</td> <td>one end is volatile or best effort</td>
-# <td>start it first: if it stays empty, the writer offers too little</td> <td>transient local and reliable at both
-# ends; treat unknown as unsafe</td></tr> </table>
+# callback that never returns</td> <td>compare both ends (`ros2 topic info --verbose`)</td> <td>raise the offer, or
+# lower the request</td></tr> <tr><td>messages late by whole periods</td> <td>a full queue</td> <td>set the depth to
+# 1</td> <td>depth 1, or read everything and use the newest</td></tr> <tr><td>the larger the message, the later it
+# is</td> <td>serialisation, or fragments sent again</td> <td>send a small message; if it is fast, size matters. Send
+# the large one within one computer; if that is fast, the link is slow</td> <td>another message type, one process,
+# shared memory, compression</td></tr> <tr><td>late between reception and callback</td> <td>other callbacks run
+# first</td> <td>time each callback, add them up</td> <td>a group and a thread of its own, or a process</td></tr>
+# <tr><td>jitter grows with load</td> <td>ordinary scheduling, or a lock</td> <td>read back scheduler, core and memory
+# locking; test under load</td> <td>SCHED_FIFO; priority inheritance; no lock in the loop</td></tr> <tr><td>period too
+# long by a constant</td> <td>the loop sleeps for a period</td> <td>measure the drift over a thousand periods</td>
+# <td>sleep until the release</td></tr> <tr><td>a display that starts late stays empty</td> <td>one end is volatile or
+# best effort</td> <td>start it first: if it stays empty, the writer offers too little</td> <td>transient local and
+# reliable at both ends; treat unknown as unsafe</td></tr> </table>
 #
 # ## 8 · Exercises
 #
@@ -1858,7 +1958,7 @@ more_claims("mismatch_is_late", "listed_is_matched")
 # %% [markdown]
 # ### How busy is the processor?
 #
-# A warm-up: what to compute before any response time.
+# A warm-up, before any response time.
 
 # %%
 card("utilisation")
@@ -2088,15 +2188,15 @@ your_robot(10)
 #   a program that all nodes contact for discovery. Its design document says that no QoS settings are incompatible, so
 #   pairs that are silent on DDS do connect. Deadline and lifespan are not implemented.
 # * **Zero-copy** transports (Eclipse iceoryx; loaned messages in ROS 2): the reader accesses the writer's memory
-#   directly, so the time of the transfer does not depend on the size of the message. (Writing and reading the bytes
-#   still takes longer for larger messages.) The message type needs a fixed size.
+#   directly, so the time of the transfer does not depend on the size of the message. The message type needs a fixed
+#   size.
 # * *Event executors* (`EventsExecutor`, Iron 2023) run callbacks first in, first out, without a ready set.
-# * *PREEMPT_RT in the standard kernel* (Linux 6.12, November 2024; x86, ARM64, RISC-V): you no longer have to patch the
-#   kernel's source code. You still have to assign the priorities.
+# * *PREEMPT_RT in the standard kernel* (Linux 6.12, November 2024): you no longer have to patch the kernel's source
+#   code. You still have to choose a kernel in which it is switched on, and assign the priorities.
 #
 # A larger change comes from learning. A learned controller maps images to actions. It is also called a policy (not a
 # QoS policy), and replaces perception, planner and some of the controller. One **inference**, the computation from an
-# image to its output, is slow. So the policy outputs several actions at once, an **action chunk**, and the arm plays
+# image to its output, is slow. So the policy outputs several actions at once, an **action chunk**, and the arm executes
 # them while the next inference runs.
 
 # %% tags=["hide-code"]
@@ -2118,8 +2218,13 @@ plt.show()
 predict("chunk_hides")
 
 # %% [markdown]
-# The table shows three lengths of the chunk, with the times of the question. The table's ages also
-# include the camera's own time, the wait for its next image, and the wait for the arm's next action:
+# A chunk hides the *pause*, not the age. Count from the image: when the last action of a chunk ends, its image is as
+# old as one inference plus the whole chunk. That is 100 + 20 = 120 ms with one action, and 100 + 100 = 200 ms with
+# five. With one action, however, the arm then stands still until the next action comes, and its image ages to 200 ms as
+# well.
+#
+# The ages in the table include three more times: the camera's own, the wait for its next image, and the wait for the
+# arm's next action. So they are larger:
 
 # %% tags=["hide-code"]
 think, step = 0.1, 0.02
@@ -2136,11 +2241,9 @@ for n in (1, 5, 10):
 table(*lines)
 
 # %% [markdown]
-# A chunk hides the *pause*, not the age. When the last action of a chunk ends, its image is as old as one inference
-# plus the whole chunk: 120 ms with one action, 200 ms with five. Averaged over time, the age is the same for one action
-# as for five: with one, the arm stands still until the next action comes, and its image ages meanwhile. With ten
-# actions the mean age is larger. So keep the fast feedback loop in its own real-time thread, and watch the policy's
-# output with a deadline.
+# One action and five have the same ages, but with five the arm never stops. With ten actions the ages are larger. So
+# keep the fast feedback loop in its own real-time thread, and let it react if the policy's next chunk misses its
+# deadline.
 #
 # Where should a large model run? In the simplest case, each inference reads all weights of the model from memory once.
 # (A model that computes its output step by step reads them in each step.) With $n$ weights of $b$ bytes, $k$ actions
@@ -2173,11 +2276,12 @@ mine = ""
 print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 
 # %% [markdown]
-# <details><summary>An answer, from this chapter's figures</summary>
+# <details><summary>An answer</summary>
 #
 # *First* I find out where the gap is: four timestamps on each command, and three on each cycle of the loop. If the time
-# between wake-up and the end of the work is long, my own code is the cause: a lock, a page fault, garbage collection, a
-# print. If the wake-up itself is late, it is the scheduler, and I check which priority was granted.
+# between wake-up and the end of the work is long, either my own code takes long (a lock, a page fault, garbage
+# collection, a print), or a more urgent task or an interrupt preempts it. If the wake-up itself is late, it is the
+# scheduler, and I check which priority was granted.
 #
 # *Second* I compare with a prediction: response times of all tasks that share the core, the sum of the callbacks that
 # share the thread, and blocking by locks. If the gap is larger, something is missing from my list.

@@ -66,8 +66,10 @@ def test_no_order_of_one_thread_spares_control_the_cameras_callback():
 
 def test_the_stored_loops_are_in_the_order_of_what_they_were_granted():
     busy, waits = charts.stored("loop_lateness")
-    worst = [busy[name].y[-1] for name in ("default", "nice -20")]
-    late = [np.mean(np.array(busy[name].y) > 1.0) for name in ("default", "nice -20", "SCHED_FIFO")]
+    worst = [busy[name].y[-1] for name in ("default", "niceness -20")]
+    late = [
+        np.mean(np.array(busy[name].y) > 1.0) for name in ("default", "niceness -20", "SCHED_FIFO")
+    ]
     assert max(worst) > 1.0 and late[0] > late[1] > late[2]
     x, y = np.array(waits["sleep for"].x), np.array(waits["sleep for"].y)
     assert np.polyfit(x, y, 1)[0] > 0.1  # its work alone is 0.1 ms

@@ -154,6 +154,7 @@ def test_a_reliable_topic_loses_what_its_depth_lets_go():
         (lambda: slow_reader.queue_ages(0, 3, 1), r"depth must be .*, got 0"),
         (lambda: slow_reader.flood(10, 1, 0), r"messages must be .*, got 0"),
         (lambda: slow_reader.flood(10, 1, pause=-1.0), r"pause must be .*, got -1.0"),
+        (lambda: slow_reader.flood(10, 1, every=-1.0), r"every must be .*, got -1.0"),
     ],
 )
 def test_bad_input(call, report):

@@ -159,7 +159,7 @@ def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iter
         return float(60 * rate - 1 - taken.value)
 
     panel = Panel(
-        f"One of {rate} samples is taken: its age",
+        f"The reader takes one of {rate} messages: its age",
         "depth of the reader's queue",
         "least age [periods of the writer]",
         ticks=depths,

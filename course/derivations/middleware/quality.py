@@ -130,8 +130,9 @@ def drawn(rng, least=None):
 
 @claim(
     "On ROS 2, a writer and a reader have discovered each other on one topic and use one type. "
-    "Neither ignores the other, and no access rule or partition separates them. In every ranked "
-    "policy the writer offers at least what the reader requests. Then they are connected.",
+    "Nothing else forbids the connection: no end was set to ignore the other, no security rule "
+    "applies, and no partition (a label that both ends must share). In every ranked policy the "
+    "writer offers at least what the reader requests. Then they are connected.",
     "All {tried:.0f} random pairs of this kind connected; {ordered:.0f} of the ranked policies of "
     "DDS were varied. A reader that ignores the writers of its own participant got {ignored:.0f} "
     "of {written:.0f} messages from one. For times, the shorter one is the stronger offer. "

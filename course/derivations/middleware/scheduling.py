@@ -248,7 +248,8 @@ def urgent_wait(work, sleep=0, waiting=0, first_come=False):
 
 
 @claim(
-    "A high-priority task waits for a lock no longer than a lower one computes while it holds it.",
+    "A high-priority task waits for a lock at most for as long as the lower-priority holder "
+    "computes under this lock.",
     "Without a protocol it also waits for every task of medium priority, because these keep the "
     "holder from computing. With {section_ms:.0f} ms of work under the lock and medium tasks of "
     "{middle_ms:.0f} ms, it waited {one_ms:.0f} ms with one of them and {five_ms:.0f} ms with "

@@ -76,10 +76,9 @@ def told_of_a_crash(lease):
 
 
 @claim(
-    "Each node is a process. They share no memory, locks or pipes, and no rule of the launch file "
-    "stops "
-    "them together. If one of them accesses an invalid address and crashes, the others go on "
-    "running.",
+    "Suppose that each node runs in a process of its own. The processes share no memory, locks or "
+    "pipes, and no rule of the launch file stops them together. If one of them accesses an invalid "
+    "address and crashes, the others go on running.",
     "Within one process, the crash ends all of them. But the other nodes are not told: on the "
     "bus, {events:.0f} events were raised without a lease or deadline, and {told:.0f} with one. "
     "(DDS also notices when a whole process stops answering, seconds later.) A client that waits "

@@ -221,9 +221,9 @@ def linear_beats_hold(result):
     "If the clock of the computer that sends transforms is wrong, lookups fail.",
     "Inside the buffer nothing fails. The lookup returns the pose of another moment, and the error "
     "is up to the speed times the offset: at {speed:.2f} m/s and {offset_ms:.0f} ms up to "
-    "{error_mm:.0f} mm, without a message. A lookup fails if the clock is further behind than the "
-    "requested time is old, or ahead by nearly the length of the buffer. Mixed use_sim_time does "
-    "this: one node uses simulated time and another wall time, which differ by decades.",
+    "{error_mm:.0f} mm, without an exception. A lookup fails if the clock is further behind than "
+    "the requested time is old, or ahead by nearly the length of the buffer. Mixed use_sim_time "
+    "does this: one node uses simulated time and another wall time, which differ by decades.",
     source="geometry2, tf2/src/cache.cpp, Jazzy 2024; ROS 2 design, Clock and Time, 2015",
 )
 def wrong_clock_fails(result):

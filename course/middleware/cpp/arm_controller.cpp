@@ -58,7 +58,7 @@ public:
                                            const rclcpp::Duration& /*period*/) override {
     auto result = controller_interface::return_type::OK;
     for (std::size_t i = 0; i < target_.size(); ++i) {
-      // Empty where the hardware writes at this moment: then not a number, like a bad reading.
+      // Empty if its lock was taken at every try: then not a number, like a bad reading.
       const double position = state_interfaces_[i].get_optional().value_or(NAN);
       const double velocity = state_interfaces_[target_.size() + i].get_optional().value_or(NAN);
       double torque = stiffness_[i] * (target_[i] - position) - damping_[i] * velocity;
