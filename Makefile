@@ -65,8 +65,8 @@ environment: # .venv, where it isn't there or isn't up to date
 platforms: environment ## add the other simulators of chapter 3 (161 MB to download, 510 MB on disk)
 	@$(SETUP) add platforms 'the other simulators'
 
-extras: platforms ## add every optional library: the simulators, mink, pink, Stable-Baselines3, wrappers, Dask
-	@$(SETUP) add ik,sb3,wrappers,cluster 'the other optional libraries'
+extras: platforms ## add every optional library: the simulators, mink, pink, OpenCV, Stable-Baselines3, wrappers, Dask
+	@$(SETUP) add ik,vision,sb3,wrappers,cluster 'the other optional libraries'
 
 sphinx: environment ## add what builds the site (110 MB to download, 440 MB on disk)
 	@$(SETUP) add site 'what builds the site'
@@ -124,7 +124,7 @@ warm: environment ## compile every hot loop of the chapters, or load what was co
 	@$(BIN)/python -m tools.warm
 
 charts: environment platforms ## rebuild every chart of the README, and the data behind it
-	@$(SETUP) add ik 'mink and pink'
+	@$(SETUP) add ik,vision 'mink, pink and OpenCV'
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m course.charts
 	$(BIN)/python -m tools.gallery
 

@@ -17,6 +17,7 @@ from course.oracles import (
     mink,
     ompl,
     open3d,
+    opencv,
     pink,
     pinocchio,
     pybullet,
@@ -32,6 +33,7 @@ ROOT = Path(__file__).parents[1]
 GOMP = "libgomp.so.1: cannot open shared object file: No such file or directory"
 # The module that an adapter imports, and the function of the adapter that imports it.
 ADAPTERS = {
+    "cv2": opencv.library,
     "cyclonedds": cyclonedds.library,
     "coal": coal._coal,
     "gymnasium": gymnasium._gymnasium,

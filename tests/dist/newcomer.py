@@ -88,6 +88,7 @@ def core() -> None:
         mink,
         ompl,
         open3d,
+        opencv,
         pink,
         pinocchio,
         pybullet,
@@ -100,7 +101,7 @@ def core() -> None:
     needing = {
         "torch": libraries.pytorch,
         "pin": pinocchio._pinocchio, "coal": coal._coal, "ompl": ompl._ompl,
-        "open3d": open3d.library,
+        "open3d": open3d.library, "opencv": opencv.library,
         "small_gicp": small_gicp.library, "cyclonedds": cyclonedds.library,
         "zenoh": zenoh.library, "drake": drake.library, "pybullet": pybullet.library,
         "mink": mink.library, "pink": pink.library, "sb3": lambda: sb3.vec_env(None), "sysid": sysid.toolbox,
