@@ -1,5 +1,6 @@
 """Chapter 7, hand-eye calibration: what it costs, and the motions that do not determine it."""
 
+import functools
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -118,14 +119,13 @@ def expected_turn_error(count: float, turns: Sequence[float], partners: int = 0)
 
 def answers(poses: Poses, library: bool) -> dict[str, Callable[[], Any]]:
     """Return what each method computes from the same poses; conversions are made here."""
-    own = {
-        name: lambda partners=partners: solve(*poses, partners)
-        for name, partners in PARTNERS.items()
+    own: dict[str, Callable[[], Any]] = {
+        name: functools.partial(solve, *poses, partners) for name, partners in PARTNERS.items()
     }
     if not library:
         return own
     given = opencv.HandEye(*poses)
-    theirs = {f"OpenCV {name}": lambda name=name: given.solve(name) for name in opencv.METHODS}
+    theirs = {f"OpenCV {name}": functools.partial(given.solve, name) for name in opencv.METHODS}
     return own | theirs
 
 
