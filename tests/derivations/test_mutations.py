@@ -12,7 +12,7 @@ import pytest
 from course import derivations
 from course.derivations import Result, claims, honest, records, run, settle, unmet
 from tests import optional
-from tests.budget import PROVE
+from tests.budget import PROVE, sampled
 from tests.derivations.test_derivations import each
 
 pytestmark = pytest.mark.slow
@@ -186,7 +186,7 @@ def test_no_fact_can_be_replaced_by_a_constant(item, tmp_path):
         assert honest.constants(names[item.id]), text[start:end].decode()
 
 
-@pytest.mark.parametrize("item", each(CONDITIONAL))
+@pytest.mark.parametrize("item", each(sampled(CONDITIONAL, 2)))
 def test_a_condition_swapped_with_its_contrary_fails(item):
     """What came out inside is put outside, and the other way about."""
     if reason := unmet(item):

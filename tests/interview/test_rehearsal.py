@@ -24,7 +24,7 @@ from drills.interview import deck, rehearse, store
 from drills.interview.rehearse import Talk
 from drills.session import Session
 from drills.terminal import Terminal
-from tests.budget import examples
+from tests.budget import examples, sampled
 from tests.drills.place import Place, a_place, in_terminal, until
 
 __all__ = ["a_place"]
@@ -564,7 +564,7 @@ def test_a_kill_before_the_first_line_keeps_the_draw(place: Place) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGHUP, signal.SIGINT, None])
+@pytest.mark.parametrize("end", sampled([signal.SIGKILL, signal.SIGHUP, signal.SIGINT, None], 2))
 def test_what_was_said_is_kept_however_it_ends(place: Place, end: signal.Signals | None) -> None:
     options = ("--kind", "concept", "--chapters", "1", "--seed", "7")
     process = place.popen("interview", *options, stdin=subprocess.PIPE)

@@ -43,7 +43,7 @@ def test_the_limit_between_near_twins_is_a_number_of_pixels():
     assert np.allclose(bins.twin_limits(EYE, 1.6), 2.0 * coarse)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_near_twins_are_found_below_the_predicted_limit_and_not_above():
     for panel in charts.build("near_twins", differences=(0.001, 0.008), pictures=4):
         for name in bins.TWINS:

@@ -49,6 +49,7 @@ def drawn(count: int) -> Iterator[tuple[float, int]]:
         yield math.copysign(value, rng.normal()), form
 
 
+@pytest.mark.prove
 def test_both_write_numbers_alike(page: Any) -> None:
     odd = [0.0, 0.5, 1.5, 2.5, 0.125, 1.005, 9.995, 99999.5, 1e21, 9.99999e20, 5e-324, 1.7e308]
     odd += [math.nan, math.inf]

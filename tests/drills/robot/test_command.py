@@ -53,7 +53,7 @@ def test_an_empty_robot_is_the_course_s(place: Place) -> None:
     assert max(map(len, text.splitlines())) <= 80
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_solved_exercises_fill_their_slots(own: Place) -> None:
     data = own.json("robot", "status")
     assert {s["slot"] for s in data["slots"] if s["holder"] == "yours"} == set(MINIMAL)
@@ -150,7 +150,7 @@ def test_a_broken_part_is_named_with_its_call(own: Place) -> None:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.optional
 def test_ompl_can_hold_the_planner(place: Place) -> None:
     if importlib.util.find_spec("ompl") is None:

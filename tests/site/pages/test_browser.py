@@ -194,6 +194,7 @@ def test_pages_have_names_and_levels(browser: "Browser", site: Path, addresses: 
     assert {name: text for name, text in result.items() if text} == {}
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_stands_out(browser: "Browser", addresses: list[str], scheme: str) -> None:
     options: dict[str, Any] = {"color_scheme": scheme, "viewport": {"width": 1280, "height": 900}}
@@ -220,6 +221,7 @@ def test_the_checks_see_what_they_are_for(browser: "Browser", tmp_path: Path) ->
         assert any("asked for https://a.invalid/b.js" in text for text in reader.wrong)
 
 
+@pytest.mark.prove
 def test_the_focus_goes_down_the_page(browser: "Browser", addresses: list[str]) -> None:
     """With the tabulator from one thing to the next: each is seen, none is met twice."""
     with Reader(browser, addresses[0], viewport={"width": 1280, "height": 900}) as reader:
@@ -239,6 +241,7 @@ def test_the_focus_goes_down_the_page(browser: "Browser", addresses: list[str]) 
         assert len(places) > 30 and places == sorted(set(places)), met
 
 
+@pytest.mark.prove
 def test_the_search_finds_words_where_they_are(browser: "Browser", addresses: list[str]) -> None:
     with Reader(browser, addresses[0]) as reader:
         for word, expected in WORDS.items():
@@ -285,6 +288,7 @@ def test_the_search_finds_first_what_is_taught(browser: "Browser", addresses: li
         assert reader.wrong == []
 
 
+@pytest.mark.prove
 def test_what_is_folded_unfolds_and_the_side_bar_opens(
     browser: "Browser", addresses: list[str]
 ) -> None:
@@ -342,6 +346,7 @@ def test_the_home_page_moves_at_once_and_is_dragged(
         )
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("wide", [390, pytest.param(1440, marks=pytest.mark.prove)])
 def test_nothing_lies_on_a_picture_that_one_scrolls_up_to(
     browser: "Browser", addresses: list[str], wide: int
@@ -372,6 +377,7 @@ def test_nothing_lies_on_a_picture_that_one_scrolls_up_to(
         assert covered == []
 
 
+@pytest.mark.prove
 def test_with_less_motion_the_home_page_stands_still(
     browser: "Browser", addresses: list[str]
 ) -> None:
@@ -439,6 +445,7 @@ def test_words_of_a_narrow_picture_stand_apart(browser: "Browser", addresses: li
                 assert its_line != line or end <= left or right <= start, (text, other)
 
 
+@pytest.mark.prove
 def test_tables_in_html_have_the_lines_of_those_in_markdown(
     browser: "Browser", addresses: list[str]
 ) -> None:
@@ -454,6 +461,7 @@ def test_tables_in_html_have_the_lines_of_those_in_markdown(
             assert padding >= 4.0 and left == bottom == 1.0
 
 
+@pytest.mark.prove
 def test_a_tap_enlarges_a_picture_beyond_a_telephone(
     browser: "Browser", addresses: list[str]
 ) -> None:

@@ -130,6 +130,7 @@ def test_answers_are_remembered_and_counted_at_home_until_they_are_forgotten(pag
     assert page.locator("details[open]").count() == 0
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("stored", ["not json", "[]", '{"contact.mug": 3}'])
 def test_what_others_have_stored_does_no_harm(page: Any, stored: str) -> None:
     page.evaluate("text => localStorage.setItem('course.cards', text)", stored)
@@ -173,6 +174,7 @@ def status(page: Any) -> str:
     return str(page.locator(".course-checkpoint .course-score span").inner_text())
 
 
+@pytest.mark.prove
 def test_a_seed_draws_the_same_questions_as_in_a_notebook(checkpoint: Any) -> None:
     for seed in range(1, 31):
         assert questions(checkpoint) == [q.key for q in draws.draw("contact", seed)]
@@ -205,6 +207,7 @@ def test_a_checkpoint_is_passed_when_all_are_right_and_stays_passed(checkpoint: 
     assert status(checkpoint) == "Draw 3: 0 right of 0 answered, 5 questions. Checkpoint passed."
 
 
+@pytest.mark.prove
 def test_an_estimate_is_right_within_its_factor_and_has_to_be_a_number(checkpoint: Any) -> None:
     (key,) = [key for key in questions(checkpoint) if key.startswith("estimate.")]
     question = checkpoint.locator(f'[data-key="{key}"]')
@@ -233,6 +236,7 @@ def result_at(page: Any, key: str) -> str:
     ["not json", "[]", "3", "null", '{"contact": 3}', '{"contact": {"seed": -1, "answers": [1]}}',
      '{"contact": {"seed": 1, "answers": {"x": 3}, "passed": "yes"}}'],
 )  # fmt: skip
+@pytest.mark.prove
 def test_a_damaged_checkpoint_begins_with_the_first_draw(checkpoint: Any, stored: str) -> None:
     checkpoint.evaluate("text => localStorage.setItem('course.checkpoint', text)", stored)
     checkpoint.reload()
@@ -299,6 +303,7 @@ def test_claims_come_in_pages_by_chapter_and_verdict(claims: Any) -> None:
     assert "59" in visible(claims) and "0" not in visible(claims)
 
 
+@pytest.mark.prove
 def test_the_verdict_is_hidden_until_it_is_guessed(claims: Any) -> None:
     assert claims.locator(".course-verdict:visible").count() == 20
     claims.get_by_label("hide the verdict").check()

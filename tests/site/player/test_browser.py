@@ -357,6 +357,7 @@ MANY = """async () => {
 }"""
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", FULL)
 def test_memory_stays_flat_over_2000_pictures_and_200_resets(open_page: Any, name: str) -> None:
     (memory, heap), (memory_after, heap_after) = open_page(name).evaluate(MANY)
@@ -427,6 +428,7 @@ class TestTheBox:
         state = held(page, experiment)[1]
         assert state["steps"] == experiment.state["steps"] == 50
 
+    @pytest.mark.prove
     def test_after_an_hour_it_goes_on_from_where_it_was(self, open_page: Any) -> None:
         shift = """window.shift = 0;
         const real = window.requestAnimationFrame.bind(window);
@@ -446,6 +448,7 @@ class TestTheBox:
         before, after, passed = page.evaluate(time)
         assert before < after < before + passed + 0.2
 
+    @pytest.mark.prove
     def test_it_runs_only_while_it_is_seen(self, open_page: Any) -> None:
         page = open_page()
         page.evaluate(
@@ -462,6 +465,7 @@ class TestTheBox:
         page.evaluate("() => window.scrollTo(0, 2800)")
         page.wait_for_function(ahead, arg=int(away))
 
+    @pytest.mark.prove
     def test_without_room_it_waits_and_comes_back(self, open_page: Any) -> None:
         page = open_page()
         place = page.locator(".picture")
@@ -496,6 +500,7 @@ class TestTheBox:
         assert "its saved picture stays" in page.get_by_role("alert").inner_text()
         assert page.locator(".course-live img").is_visible()
 
+    @pytest.mark.prove
     def test_on_a_narrow_screen_the_controls_are_below(self, open_page: Any) -> None:
         page = open_page(wide=390, has_touch=True)
         assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
@@ -506,6 +511,7 @@ class TestTheBox:
         page.touchscreen.tap(box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"])
         assert numbers(page)["height"] != before
 
+    @pytest.mark.prove
     def test_it_speaks_and_every_input_has_a_name(self, open_page: Any) -> None:
         page = open_page(reduced_motion="reduce")
         model = told.model(BOX)

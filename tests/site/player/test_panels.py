@@ -145,6 +145,7 @@ def test_words_are_whole_and_free_of_legends(browser: Any, tmp_path: Path, name:
     page.context.close()
 
 
+@pytest.mark.prove
 def test_a_word_that_is_struck_through_is_found(browser: Any, tmp_path: Path) -> None:
     page = opened(browser, tmp_path, "rigid_body.spring", before=DRAWN)
     page.evaluate("""() => {
@@ -178,6 +179,7 @@ def test_a_number_says_what_it_means(browser: Any, tmp_path: Path) -> None:
     page.context.close()
 
 
+@pytest.mark.prove
 def test_a_picture_is_dark_where_the_page_is(browser: Any, tmp_path: Path) -> None:
     """By the system, by Furo's attribute and by JupyterLab's, at once and both ways."""
     page = opened(browser, tmp_path, "rigid_body.spring", color_scheme="dark")
