@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 6 · Control
 #
-# *A robot arm moves to a target. It overshoots, stops short, or starts to shake. The motor is fine. The rule that
-# turns the measured angle into a torque is not.*
+# *A robot arm moves to a target. It overshoots, stops short, or starts to shake. Often the motor is fine, and the rule
+# that turns the measured angle into a torque is to blame.*
 #
 # The most common rule is **PID**. The error is the target minus the measured angle. PID adds three torques: one
 # proportional to the error (gain Kp), one to the error summed over time (Ki), and one to the rate of the error (Kd).
@@ -176,12 +176,12 @@ plt.show()
 # then returns to it slowly. Whether a mass on a spring oscillates depends on its **damping ratio** $\zeta = (b +
 # K_d)/(2\sqrt{J K_p})$: below 1 it does. The value 1 is called **critical damping**.
 #
-# With an I term, the joint can stay at rest only where the error is zero, unless the command is at its limit or a stop
-# is in the way. Dry friction can keep the joint from getting there. It has two parts: **Coulomb friction** is a torque
-# of constant size against the motion, and **static friction** holds a joint at rest. While static friction holds the
-# joint away from the set-point, the I term grows, until the joint breaks loose. If static friction is larger than
-# Coulomb friction, the joint can jump past the set-point and stick on the other side, again and again. This is called
-# **hunting**.
+# With an I term, the joint can stay at rest for ever only where the error is zero, unless the command is at its limit
+# or a stop is in the way. Dry friction can keep the joint from getting there. It has two parts: **Coulomb friction** is
+# a torque of constant size against the motion, and **static friction** holds a joint at rest. While static friction
+# holds the joint away from the set-point, the I term grows, until the joint breaks loose. If static friction is larger
+# than Coulomb friction, the joint can jump past the set-point and stick on the other side, again and again. This is
+# called **hunting**.
 
 # %%
 show("integral_removes_the_error")
@@ -196,9 +196,8 @@ show("error_derivative_kick")
 
 # %% [markdown]
 # The spike in the command is the **derivative kick**. Choose the preset *Derivative kick* on the first screen, then
-# switch to the derivative of the measurement. The spike is gone, and the loop is as stable as before. So
-# differentiate the measurement if the set-point can jump. On a planned motion use $\dot q_d - \dot q$, as section 2
-# does.
+# switch to the derivative of the measurement. The spike is gone. So differentiate the measurement if the set-point can
+# jump. On a planned motion use $\dot q_d - \dot q$, as section 2 does.
 #
 # <details><summary>A continuous joint: wrap the error</summary>
 #
@@ -238,8 +237,8 @@ predict("jammed")
 #
 # The chart shows another joint, which is blocked for 2 s. A load pushes forwards, and the set-point is 0.25 rad. In the
 # right chart, the command without anti-windup (orange) stays at the upper limit even after the joint has passed the
-# set-point. With conditional integration (blue), it leaves the limit at once. The joint still overshoots, but so it
-# does without a jam. Lines are the exact solution, dots are from the simulator MuJoCo:
+# set-point. With conditional integration (blue), it leaves the limit at once. Lines are the exact solution, dots are
+# from the simulator MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -316,10 +315,10 @@ predict("more_p")
 show("hold_is_half_a_sample")
 
 # %% [markdown]
-# So count the hold as a delay of $dt/2$. Let $D$ be the sum of all other delays in the loop (not the D term). The
-# **ultimate gain** $K_u$ is the P gain on the border between stable and unstable. There the loop oscillates with
-# constant amplitude. The first equation below gives the angular frequency $\omega$ of this oscillation (its smallest
-# positive solution), and the second gives $K_u$:
+# So in slow motions, count the hold as a delay of $dt/2$. Let $D$ be the sum of all other delays in the loop (not the D
+# term). The **ultimate gain** $K_u$ is the P gain on the border between stable and unstable. There the loop oscillates
+# with constant amplitude. The first equation below gives the angular frequency $\omega$ of this oscillation (its
+# smallest positive solution), and the second gives $K_u$. Both are accurate while $dt$ is short compared with $J/b$:
 #
 # $$\omega\tan\!\big(\omega\,(D + \tfrac12 dt)\big) = \frac{b}{J}, \qquad
 # K_u = \omega\,\sqrt{(J\omega)^2 + b^2} .$$
@@ -407,15 +406,15 @@ _ = bottom.set(xlabel="angular frequency [rad/s]", ylabel="phase [degrees]", yli
 plt.show()
 
 # %% [markdown]
-# For a robot, quote the delay margin: compare it with the milliseconds that communication, motor drive and filters add.
-# It does not cover a wrong gain; the gain margin does.
+# For a robot joint, quote the delay margin: you can compare it with the milliseconds that communication, motor drive
+# and filters add. It does not cover a wrong gain; the gain margin does.
 #
 # ### Nyquist plot, sensitivity and bandwidth
 #
 # Margins look at two frequencies only. The **Nyquist plot** shows all of them. For each frequency, gain and phase
 # together form one complex number $L$. Its distance from zero is the open-loop gain, and its angle is negative for a
-# lag. The plot draws all these points as a curve. The critical point is $-1$: gain 1 and a lag of 180 degrees. So the
-# smallest distance of the curve from $-1$ shows how close the loop is to instability.
+# lag. The plot draws all these points as a curve. The critical point is $-1$: gain 1 and a lag of 180 degrees. So in a
+# stable loop, the smallest distance of the curve from $-1$ shows how close the loop is to instability.
 #
 # What does the closed loop do to a disturbance that is a sine? Let $d$ be the error that it would cause without
 # control, and $e$ the error that remains. The loop turns $e$ into the motion $L\,e$ of the joint, and this motion is
@@ -429,10 +428,10 @@ plt.show()
 #   error, the set-point enters the loop as the noise does, so $T$ is also the ratio of joint angle to set-point. The
 #   **bandwidth** is the frequency at which $\lvert T\rvert$ falls below $1/\sqrt2$.
 #
-# The distance of $L$ from $-1$ is $\lvert 1 + L\rvert = 1/\lvert S\rvert$. So the largest $\lvert S\rvert$, the
-# **peak sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$.
-# **Worked example:** for $M_s = 2$ the curve stays 0.5 away from $-1$. So it does not cross the real axis between
-# $-1$ and $-0.5$, and the gain can at least be doubled.
+# The distance of $L$ from $-1$ is $\lvert 1 + L\rvert = 1/\lvert S\rvert$. So the largest $\lvert S\rvert$, the **peak
+# sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$. **Worked
+# example:** in a stable loop with $M_s = 2$ the curve stays 0.5 away from $-1$. So it does not cross the real axis
+# between $-1$ and $-0.5$, and the gain can at least be doubled.
 #
 # The simulation begins with the PD loop of the Bode plot, with D on the error. Drag the gain curve up or the phase
 # curve down. The preset *Comfortable* brings back the beginning, and *High sensitivity* has 8 times the gain:
@@ -441,18 +440,15 @@ plt.show()
 simulation("nyquist")
 
 # %% [markdown]
-# The orange disc around $-1$ has the radius $1/M_s$, and the Nyquist curve touches it. Multiply the gain by the gain
-# margin: the curve passes through $-1$, and the step response oscillates at the frequency of that point, the *phase
-# crossover*. Before the next claim, compare $\lvert S\rvert$ between 100 and 1000 rad/s in the presets *High
-# sensitivity* and *Comfortable*.
+# The orange disc around $-1$ has the radius $1/M_s$, and the Nyquist curve touches it. Before the next claim, compare
+# $\lvert S\rvert$ between 100 and 1000 rad/s in the presets *High sensitivity* and *Comfortable*.
 
 # %%
 show("more_gain_rejects_everywhere")
 
 # %% [markdown]
 # This is the **waterbed effect**: in a loop with a hold or a delay, if you push $\lvert S\rvert$ down at some
-# frequencies, it rises at others. So decide which frequencies matter for the task. A common design rule is $M_s \le 2$:
-# it bounds gain margin and phase margin at once.
+# frequencies, it rises at others. A common design rule is $M_s \le 2$: it bounds gain margin and phase margin at once.
 
 # %%
 more_claims("peak_sensitivity_bounds_margins")
@@ -477,9 +473,8 @@ for one in stored("pd_triangles")[0].series:
     print(f"{one.label:<28}{np.nanmax(one.y):6.3f} J/dt^2")
 
 # %% [markdown]
-# The difference of two angles, divided by $dt$, is the rate of half a sample ago. If computing takes one sample, the
-# whole command comes late, too. Both delays together divide the highest stable $K_p$ by more than twenty. The right
-# chart belongs to section 7.
+# The difference of two angles, divided by $dt$, is the rate of half a sample ago. With a command that is also a sample
+# late, both delays together divide the highest stable $K_p$ by more than twenty. The right chart belongs to section 7.
 #
 # ### Encoder, friction and torque limit
 #
@@ -537,8 +532,9 @@ plt.show()
 #
 # </details>
 #
-# **Saturation** means that the command is at the torque limit. Then feedback has no effect, and no gain helps: a
-# motor that is too weak cannot catch a pendulum that has fallen too far.
+# **Saturation** means that the command is at the torque limit. While it is there, a larger error or a higher gain
+# changes nothing. So no gain replaces torque: a motor can catch a pendulum at rest only up to the angle at which
+# gravity's torque equals the torque limit.
 #
 # <details><summary>From where a weak motor can catch a pendulum</summary>
 #
@@ -560,9 +556,8 @@ figures(read("saturation_region"), summary="Largest angle at rest, computed and 
 #
 # **Key insight.** Add up the delays of a loop: half a sample for the hold, the computing time, and the communication.
 # The D term has further delays: half a sample if the rate is a difference, and about the time constant of its filter.
-# Together with inertia and friction, these delays limit the gain of a rigid joint. Compute this limit before you tune
-# by hand. The **resonance** of an elastic gear, at which motor and arm swing against each other, often lowers the
-# limit further.
+# With inertia and friction, these delays limit the gain of a rigid joint, so compute this limit before you tune. The
+# **resonance** of an elastic gear, at which motor and arm swing against each other, often lowers it further.
 #
 # </div>
 
@@ -573,8 +568,8 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 # ### Tuning with the Ziegler-Nichols rules
 #
 # **Ziegler-Nichols** (1942) is the classical tuning procedure. (1) Set $K_i$ and $K_d$ to zero. (2) Raise $K_p$ until
-# the loop oscillates with constant amplitude; this is the ultimate gain $K_u$. (3) Measure the period $T_u$ of the
-# oscillation. (4) Take the gains from a row of the table.
+# the loop oscillates with constant amplitude, below the torque limit; this is the ultimate gain $K_u$. (3) Measure the
+# period $T_u$ of the oscillation. (4) Take the gains from a row of the table.
 #
 # | controller | $K_p$ | $K_i$ | $K_d$ |
 # |---|---|---|---|
@@ -584,7 +579,8 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 #
 # These rules suit a joint badly. With friction, a constant torque gives a constant *speed*, and the angle is the
 # integral of the speed. An I term integrates once more. Each integration has a phase lag of 90 degrees. So with an I
-# term, slow motions lag by 180 degrees even without any delay.
+# term, slow motions lag by 180 degrees even without any delay. A joint with little friction lags by nearly 180 degrees
+# by itself, so even P alone at half of $K_u$ has almost no phase margin.
 
 # %%
 show("ziegler_nichols_is_safe")
@@ -624,8 +620,8 @@ tried["often quoted"] = (27.0, 120.0, 1.5)
 tried["equal poles"] = (kp, 0.0, kd)
 
 # %% [markdown]
-# This output checks all rows with the growth of the matrix, and with a simulated step of 1 rad. The row *often quoted*
-# has gains from many tutorials. They follow from $K_u$ = 45 and $T_u$ = 0.45 s, not the values of our joint:
+# This output checks all rows with the growth of the matrix, and with a simulated step of 1 rad without a torque limit.
+# The row *often quoted* has the gains of many tutorials, which belong to another joint:
 
 # %% tags=["hide-code"]
 plant = control.held(A, B, dt, late)
@@ -651,20 +647,15 @@ print(f"three equal poles in the formula: {s:.1f} 1/s; slowest poles of the samp
 print(", ".join(f"{pole:.1f}" for pole in slowest))
 
 # %% [markdown]
-# <details><summary>Why the poles are not exactly equal</summary>
-#
-# The formula gives P the delay of the difference, too. In the sampled loop P is half a sample less late. This splits
-# the triple pole: one pole is about a quarter slower, and the other two are a pair that oscillates but decays faster.
-# All other poles decay several times faster.
-#
-# </details>
+# In the sampled loop, P is half a sample less late than in the formula. So the triple pole splits, but the slowest pole
+# stays real.
 #
 # The chart repeats the test over many delays, without load, noise or torque limit. The three rows of the table
 # overshoot far, or are unstable (triangles at the top). The equal poles do not overshoot.
 #
 # The $K_p$ of the equal poles can be above $K_u$, because $K_u$ is the limit of P alone, and the D term raises it. But
-# the equal poles need the exact $J$, $b$ and delay, the table only the experiment. And without an I term, a load leaves
-# an error of $\tau_L/K_p$.
+# the equal poles need $J$, $b$ and the delay, the table only the experiment. And without an I term, a load leaves an
+# error of $\tau_L/K_p$.
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
 
@@ -715,11 +706,11 @@ plt.show()
 
 # %% [markdown]
 # The remaining errors of the two controllers with the full model come from the hold: each torque is constant for a
-# sample while the arm moves on. PD with feed-forward even has the smaller error here, also at equal stiffness (section
-# 6). But its model torque belongs to the planned motion: away from the plan, this torque is wrong.
+# sample while the arm moves on. The model torque of PD with feed-forward belongs to the planned motion: away from the
+# plan, it is wrong.
 #
-# Computed torque uses the measured angles and rates. Put its torque into the equation of motion: the velocity terms
-# and gravity cancel. Both sides are then $M$ times an acceleration, so $M$ cancels, too.
+# Computed torque uses the measured angles and rates. Let its model be exact, and put its torque into the equation of
+# motion: the velocity terms and gravity cancel. Both sides are then $M$ times an acceleration, so $M$ cancels, too.
 
 # %%
 show("computed_torque_law")
@@ -727,7 +718,7 @@ show("computed_torque_law")
 # %% [markdown]
 # With diagonal gain matrices, every joint's error obeys its own linear equation, with the same poles in every pose.
 #
-# The cancellation is exact only at the instant of the measurement, because of the hold. The remedy is a delay
+# The cancellation is exact only at the instant of the measurement, because of the hold. A remedy is a delay
 # compensation: compute the torque for the state and the reference half a sample ahead. We call this **half-sample
 # preview** (compared in section 6).
 #
@@ -749,8 +740,8 @@ show("adaptive_finds_parameters")
 
 # %% [markdown]
 # The estimate reaches the true values only if the motion keeps making every possible error of the parameters visible in
-# the torques. This is called **persistent excitation**. Noise can make the estimate drift, so limit it to plausible
-# values. The sample time limits the gain $\Gamma$, too.
+# the torques. This is called **persistent excitation**. Noise can make the estimate drift, because $Y$ and $s$ contain
+# the same noise. So limit the estimate to plausible values.
 #
 # <details><summary>Derive: the sampled limit, the drift under noise, and four cures</summary>
 #
@@ -804,8 +795,8 @@ predict("wrong_inertia")
 #
 # The right side is the missing torque, divided by $\hat J$. If the motion is slow compared with the loop, the error is
 # about the right side divided by $K_p$, so it has the same shape: for inertia that of the acceleration, for viscous
-# friction that of the velocity. In faster motions the error lags, which opens the lines of the picture into narrow
-# loops. It shows one joint with 20 % more inertia than in the model, or with friction that the model lacks:
+# friction that of the velocity. In faster motions the error lags. The picture shows one joint with 20 % more inertia
+# than in the model, or with friction that the model lacks. (The lag opens its lines into narrow loops.)
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.6), layout="constrained")
@@ -851,8 +842,9 @@ plt.show()
 #
 # The *logged* error is the set-point minus the *measured* angle. In a single sine, velocity and jerk have the same
 # shape, so use a motion of several frequencies. With large accelerations the first two rows look alike, because most of
-# the torque is needed for the acceleration. To separate them, hold the arm still against gravity, without an I term:
-# only a wrong torque constant causes an error there.
+# the torque is needed for the acceleration. To separate them, hold the arm still against gravity, without an I term.
+# There a wrong inertia causes no error, and a wrong torque constant does. (So do a wrong gravity model and static
+# friction.)
 #
 # <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
 #
@@ -878,8 +870,8 @@ more_claims("error_follows_acceleration", "acceleration_means_inertia")
 #
 # To correct the model you need the inertia, and $J = \tau/\ddot q$ looks like the obvious formula. But a log contains
 # angles. Their second differences contain the noise, multiplied by a number proportional to $1/dt^2$. Least squares
-# over the whole log computes $J = \sum\tau\ddot q\,/\sum\ddot q^2$. Noise makes the denominator far too large, so $J$
-# is far too small.
+# over the whole log computes $J = \sum\tau\ddot q\,/\sum\ddot q^2$. Noise makes the denominator too large, so $J$ comes
+# out too small.
 #
 # The remedy is to move the derivatives to a function without noise. Choose a smooth **test function** $w(t)$ that is
 # zero at both ends of a time window, and flat there. Multiply the equation of motion $J\ddot q + b\dot q = \tau$ by
@@ -909,9 +901,9 @@ plt.show()
 
 # %% [markdown]
 # `identify` does this for inertia, viscous and Coulomb friction, and gravity. `diagnose` takes a log and your model,
-# and tries seven causes, each alone: inertia, viscous friction, Coulomb friction, gravity, torque constant, delay and
-# torque limit. It names the cause that explains the log best, and those that explain it equally well. If two numbers
-# are wrong at once, the named cause leaves far more torque unexplained than the noise does:
+# and tries the seven causes of the table above, each alone. It names the cause that explains the log best, and those
+# that explain it equally well. If two numbers are wrong at once (last case), the named cause leaves far more torque
+# unexplained than the noise does:
 
 # %% tags=["show-code"]
 t = 2e-3 * np.arange(4000)
@@ -944,8 +936,12 @@ for name, one in found.items():
     print(f"real change: {name:<18} named: {', '.join(one.causes)}, leaves {left:.2f} mN m")
 
 # %% [markdown]
-# The integral form stays accurate up to 1 mrad of noise, where second differences fail completely.
-#
+# Here is the relative error of the inertia with both methods, under little and much noise (windows of 0.3 s):
+
+# %% tags=["hide-code"]
+print_figures("what_a_log_tells", "integral form", "second differences")
+
+# %% [markdown]
 # <details><summary>Noise, filters and causes, measured</summary>
 #
 # The chart varies the noise. On the left (relative error of the inertia), raw second differences (orange) are always
@@ -983,10 +979,11 @@ more_claims("inertia_by_differences")
 #
 # ### Model predictive control: torque limits in the plan
 #
-# LQR ignores the torque limit. You can clip its command. But LQR does not know how weakly the motor brakes, so it
-# brakes too late. **Model predictive control** (MPC) computes a whole plan at every sample: the commands for the next
-# $N$ samples, within the limits. $N$ is the **horizon**. The plan minimises the cost of these samples plus
-# $x^\mathsf{T}Px$ of the last state, the cost of everything after it if no limit is reached later.
+# LQR ignores the torque limit. You can clip its command. But after a start far from the target, LQR expects a stronger
+# brake than the motor has, so it brakes too late. **Model predictive control** (MPC) computes a whole plan at every
+# sample: the commands for the next $N$ samples, within the limits. $N$ is the **horizon**. The plan minimises the cost
+# of these samples plus $x^\mathsf{T}Px$ of the last state, the cost of everything after it if no limit is reached
+# later.
 #
 # This is a **quadratic program**: a quadratic cost with linear equations and limits. Only the first command of
 # the plan is used; the next sample computes a new plan. Here is a mass of 1 kg that starts 4 m from its target, with
@@ -1029,9 +1026,8 @@ _ = axes[0].legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# MPC plans 4 s ahead with the limited force. (A sample is 0.1 s, and every fourth one is a cross.) So it brakes fully
-# one to two samples earlier. At almost 2 m/s, each of them saves nearly 0.2 m of overshoot. The overshoot that is left
-# is the best for this cost.
+# MPC plans 4 s ahead with the limited force, and the mass then follows both plans (crosses, every fourth sample). So it
+# brakes fully one to two samples of 0.1 s earlier. At almost 2 m/s, each sample saves nearly 0.2 m of overshoot.
 #
 # <details><summary>What MPC saves, and what it costs</summary>
 #
@@ -1054,19 +1050,19 @@ more_claims("mpc_beats_clipping")
 # ### MPPI: plans from sampled rollouts
 #
 # For some tasks a linear model or a gradient helps little, for example if a hand makes and breaks contact. **MPPI**
-# (model predictive path integral control, Williams and others 2017) needs only a simulator. At every sample it does
-# three things:
+# (model predictive path integral control, Williams and others 2017) needs only a simulator and a cost. At every sample
+# it does three things:
 #
 # 1. Make $n$ copies of the current plan, add random noise to each, and simulate them. A simulated plan is called a
 #    **rollout**.
 # 2. Give each rollout the weight $w_k = e^{-(S_k - S_{\min})/\lambda}$, where $S_k$ is its cost and $S_{\min}$ the
 #    lowest one. With a small temperature $\lambda$, nearly all the weight is on the best rollout. With a large one,
 #    all rollouts count nearly the same.
-# 3. The new plan is the weighted mean of the tried plans. Send its first command.
+# 3. The new plan is the weighted mean of the tried plans. Send its first command. Shift the rest forward by one sample:
+#    it is the current plan of the next sample.
 #
-# Here are these three steps once, for a mass of 1 kg. The cost is the sum of the squared distances from the target,
-# plus a little for force. So rollouts that approach fast have the largest weights, and their mean goes beyond the
-# target at the end:
+# Here is one sample, for a mass of 1 kg. The cost is the sum of the squared distances from the target, plus a little
+# for force. So rollouts that approach fast have the largest weights, and their mean goes beyond the target at the end:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -1098,8 +1094,8 @@ plt.show()
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
-# With a horizon of 20 samples (one swing), 8 rollouts are enough: nearly all runs succeed (upright and slow after 7 s).
-# With 8 samples no run succeeds, even with 64 rollouts: in 0.8 s, swinging away from the target only costs.
+# With a horizon of 20 samples (one swing), nearly all runs with 8 rollouts succeed (upright and slow after 7 s). With 8
+# samples no run succeeds, even with 64 rollouts: in 0.8 s, swinging away from the target only costs.
 
 # %%
 more_claims("samples_find_the_plan")
@@ -1163,8 +1159,8 @@ plt.show()
 # %% [markdown]
 # **Admittance control** reverses the direction. It *measures* the contact force, computes how a virtual mass on a
 # spring and a damper would move under it, and sends that motion to a stiff position loop. Impedance control suits
-# torque-controlled joints with little friction. Admittance control suits arms with high gear ratios, which have much
-# friction.
+# torque-controlled joints with little friction. Admittance control suits arms with high gear ratios: the position loop
+# overcomes their friction.
 #
 # Choose the controller, and drag the set-point into the wall. The orange arrow is the force of the wall on the hand:
 
@@ -1207,27 +1203,26 @@ show("damping_is_safe")
 
 # %% [markdown]
 # Proportional **force control** commands the desired force plus a gain $g$ (not gravity) times the force error. The
-# wall turns motion into force, so its stiffness multiplies the loop gain. For a short delay the limit is $g <
-# b/(k_e\,(D + \tfrac12 dt))$: a stiffer wall allows less gain.
+# wall turns motion into force, so its stiffness multiplies the loop gain. If the delay is short compared with the
+# period of the hand on the wall, the limit is $g < b/(k_e\,(D + \tfrac12 dt))$: a stiffer wall allows less gain.
 #
 # In admittance control, the position loop has to follow the virtual mass. At a stiff wall, a light virtual mass would
 # vibrate faster than this loop can follow. So a stiffer wall needs more virtual mass, up to nearly the arm's own mass
 # (lower chart).
 #
-# The charts are for an arm of 4 kg with $b$ = 20 N s/m at 1 kHz. The upper left one has 2 ms of delay. The lower one
-# has only the hold, a position loop of 40 kN/m and 800 N s/m, and little virtual damping (critical at the softest
-# wall):
+# The charts are for an arm of 4 kg with $b$ = 20 N s/m at 1 kHz. The upper left one has 2 ms of delay. In the lower
+# one, the hold is the only delay, the position loop has 40 kN/m and 800 N s/m, and the virtual damping is weak
+# (critical only on the softest wall):
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the upper right chart, the curves *own friction* are for a pure spring: only the arm's friction damps. *Best active
-# damping* adds the damping $B$ (on the exact velocity) that allows the stiffest spring. With 2 ms of delay, it helps
-# less at the stiffest walls (pink): there the hand vibrates too fast for the late damping.
+# All walls of the upper right chart are pure springs. (*Own friction* means that the controller adds no damping.) Above
+# the limit of passivity, another passive wall can still make the arm unstable.
 #
-# The upper left chart also shows MuJoCo's soft contact. It passes on the share $d$ of the commanded force (`solimp`,
-# 0.9 by default) in the same step, before the hand has moved. So each sample multiplies the force loop's command by
-# $g\,d$, and the limit is about $1/d$, whatever the wall, up to 100 kN/m (green). With a small $d$ (orange) the limit
-# is that of the wall.
+# The upper left chart also shows MuJoCo's soft contact (green). At stiff walls it accepts gains that are far too high,
+# and at soft walls it rejects gains that are fine. The reason: the share $d$ of the commanded force (`solimp`, 0.9 by
+# default) appears in the measured force in the same step, before the hand has moved. The force loop feeds it back with
+# the factor $-g\,d$, so above $g = 1/d$ the loop is unstable even at soft walls.
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1243,15 +1238,15 @@ predict("softer_hand")
 # comes from the links and, if the gears are rigid, also from the rotors: in an arm with one joint, the rotor adds its
 # inertia times (gear ratio / lever arm)².
 #
-# This mass arrives with the energy $\tfrac12 m v^2$. At the peak all of it is in the compressed surface, $F^2/(2k_e)$.
-# So the peak is
+# This mass arrives with the energy $\tfrac12 m v^2$. Without damping, all of it is in the compressed surface at the
+# peak, $F^2/(2k_e)$. So the peak is
 #
 # $$F_{\max} = v\,\sqrt{m\,k_e}\, ,$$
 #
 # and the controller's stiffness does not appear, as long as it is much lower than that of the surface. **Worked
 # example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows this impact
-# and the time after it, for a stiff and a soft controller with little damping, and with the set-point of the question.
-# Here the surface has some damping, too, which lowers the peak below 316 N:
+# for a stiff and a soft controller with little damping, with the set-point of the question. Some damping of the surface
+# lowers the peak below 316 N:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.6), layout="constrained")
@@ -1376,15 +1371,15 @@ for regime, name, use in (
     )
 bare = touch.first_peak(replace(touch.PRESS, damping=0.0))
 lines.append(
-    f"\nThe hand has its own friction of {touch.ARM.damping:.0f} N s/m. Without the controller's "
-    f"damping, the first peak of the force controller would be {bare:.0f} N."
+    f"\nThe hand has its own friction of {touch.ARM.damping:.0f} N s/m. Without its damping, the force "
+    f"controller would speed the hand up before the wall, and the first peak would be {bare:.0f} N."
 )
 Markdown("\n".join(lines))
 
 # %% [markdown]
-# Without a controller, the impact would be $v\sqrt{m k_e}$ = 20 N. The soft controller and the damping of the force
-# controller slow the hand down before it touches. The 58 N of the stiff controller are its steady pressing (*at
-# rest*), not the impact.
+# A hand that coasts into the wall at 0.1 m/s would have a peak of $v\sqrt{m k_e}$ = 20 N. The soft controller and the
+# damping of the force controller slow the hand down before it touches. The 58 N of the stiff controller are its steady
+# pressing (*at rest*), not the impact.
 #
 # <details><summary>The first peak against the stiffness of the controller</summary>
 #
@@ -1396,14 +1391,14 @@ Markdown("\n".join(lines))
 # </details>
 #
 # A robot runs several loops inside each other, a **cascade**. You design the outer loop as if the inner one responded
-# at once. So the inner loop needs several times the bandwidth of the outer one. In the simplest case, four times is
-# just enough to avoid overshoot (derived below). Typical sample rates:
+# at once. So the inner loop needs several times the bandwidth of the outer one. If both are of first order, four times
+# is just enough to avoid overshoot (derived below). Typical sample rates:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
 levels = (
     ("planner", "some Hz", "path"),
-    ("task or force", "100 Hz to 1 kHz", "pose, contact force"),
+    ("task or force", "camera 30 to 100 Hz, force 100 Hz to 1 kHz", "pose, contact force"),
     ("impedance or position", "1 kHz", "joint angles"),
     ("joint torque or velocity", "several kHz", "torque sensor, encoder"),
     ("motor current", "tens of kHz", "current"),
@@ -1436,11 +1431,11 @@ plt.show()
 #
 # * A **feed-forward** adds the torque that the planned motion needs (section 2). Computed from the plan alone, it
 #   cannot make the loop unstable.
-# * A **disturbance observer** solves the joint's equation for the load torque, filters it, and subtracts it from the
-#   command.
-# * A **Smith predictor** uses a model to compute the state that the joint will have when the command arrives. PD
-#   works with this state. If the true delay is longer than the model's by $\Delta D$, a sine of frequency $\omega$
-#   has an extra phase lag $\omega\,\Delta D$, which is large for fast motions.
+# * A **disturbance observer** solves the joint's equation for the load torque, filters the result, and subtracts it
+#   from the command.
+# * A **Smith predictor**, in the form used here, computes with a model the state that the joint will have when the
+#   command arrives. PD works with this state. If the true delay is longer than the model's by $\Delta D$, a sine of
+#   frequency $\omega$ has an extra phase lag $\omega\,\Delta D$, which is large at high frequencies.
 # * A **notch filter** removes the frequency of a resonance from the command.
 
 # %%
@@ -1448,17 +1443,15 @@ predict("delay_predicted")
 
 # %% [markdown]
 # In the charts below, all loops drive the joint with 10 ms of delay. Along each curve the poles get faster, up to the
-# last stable ones, and the torque noise grows. The *cascade* is a velocity loop with an I term inside a position
-# loop. The *observer with delay* has the delay in its model. One predictor assumes half of the true delay.
+# last stable ones, and the torque noise grows. The *cascade* is a velocity loop with an I term inside a position loop.
+# The *observer with delay* has the delay in its model.
 #
-# On the left, the feed-forward has 90 % of the true torque, so it leaves PD a tenth of the error. Cascade and observer
-# reduce this rest, because the cascade has an I term, and the observer acts like one. On the right, both leave no error
-# in the end.
+# On the left, the feed-forward has 90 % of the true torque. Cascade and observer reduce the rest: the cascade has an I
+# term, and the observer's estimate changes until it cancels the load.
 #
-# The curves of the predictors reach furthest. But at equal noise, PD has the smaller error as far as its curve reaches
-# (on the left, PD with the same feed-forward). And predicting half of the delay is better than predicting all of it.
-# The reason: a predictor does not know the load (on the left, the missing 10 %). So its prediction is wrong, and more
-# so the further it reaches:
+# At equal noise, the predictors have a larger error than PD (on the left, with the same feed-forward), as far as its
+# curve reaches. They do not know the load (on the left, the missing 10 %), so their prediction is wrong. *Observer with
+# delay* has the smallest error: it removes the load, and its model of the delay allows higher gains:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1500,8 +1493,8 @@ more_claims(
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *The control hierarchy.* Draw the five levels, and say what sets each rate: the motor's electrical
-# time constant for the current, the delay margin for torque and position, contact stiffness (for forces) or the
-# camera's frame rate for the task, and computing time for the planner.
+# time constant for the current, the delay margin for torque and position, contact stiffness for forces, the camera's
+# frame rate for poses, and computing time for the planner.
 #
 # <details><summary>"PID inside at 1 kHz, impedance around it at 1 kHz"</summary>
 #
@@ -1553,7 +1546,7 @@ source(control.mppi, "cost = _costs")
 # Here is the first simulation, with the preset *Hunting*: lower *Static / Coulomb* to one, and the hunting ends.
 # Four questions on other presets:
 #
-# 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
+# 1. *P past its limit*: the motor has a torque limit. Does the oscillation grow for ever?
 # 2. *PD at its limit*: should you lengthen or shorten the sample time?
 # 3. *A weak motor*: do the margins warn you?
 # 4. *Z-N, PID*: which gain do you change first?
@@ -1564,8 +1557,8 @@ simulation("joint", "Hunting")
 # %% [markdown]
 # <details><summary>Answers</summary>
 #
-# 1. It oscillates with a constant amplitude, because the torque limit bounds it. This looks like the ultimate gain
-#    but isn't.
+# 1. No: it reaches a constant amplitude, because the torque limit bounds it. This looks like the ultimate gain but
+#    isn't.
 # 2. Shorten it: the largest $K_d$ is proportional to $J/dt$.
 # 3. No. They describe the linear loop, and while the motor is at its limit, that loop is open.
 # 4. Raise $K_d$. It adds phase where the loop crosses the gain 1.
@@ -1584,8 +1577,8 @@ simulation("joint", "Hunting")
 # LQR, MPC and MPPI correct the deviation from the planned motion. *LQR along the path* linearises the model at every
 # sample of this motion, so it has one gain matrix per sample. MPC meets no limit, so its errors are LQR's.
 #
-# The lower chart has one message: at 1 kHz, only MPPI computes for longer than the motion lasts (dotted line). Do not
-# rank the others by time: only preview is compiled as a whole. (*Pinocchio* and *MuJoCo* are preview with these
+# In the lower chart, only MPPI at 1 kHz computes for longer than the motion lasts (dotted line). Do not rank the others
+# by time: of these controllers, only preview is compiled as a whole. (*Pinocchio* and *MuJoCo* are preview with these
 # libraries.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
@@ -1642,7 +1635,7 @@ Markdown("\n".join(lines))
 # times the model's inertia.
 #
 # With the exact model and no noise, half-sample preview reduces the error of computed torque by a factor of several
-# hundred. At equal stiffness, PD with feed-forward is better than computed torque without preview.
+# hundred.
 #
 # With the wrong model, the table mostly ranks the stiffness. LQR is the stiffest, because neither delay nor noise
 # limits its gains here; its small error is not robustness. Even with adaptation off, the stiffer adaptive law has
@@ -1673,7 +1666,7 @@ Markdown("\n".join(lines))
 #
 # * Only gravity is known: PD with gravity compensation.
 # * Good model, known load: PD with feed-forward is the usual start. Computed torque with half-sample preview has a
-#   smaller error here, but all of its torque depends on measured angles and rates.
+#   smaller error here, but all of its torque depends on measurements.
 # * Unknown load torque: an I term or a disturbance observer. The faster the load changes, the more bandwidth they need.
 # * Unknown payload on a moving arm: identify it, or use adaptive control with bounds on its estimate.
 # * The command reaches the torque limit, or the cost is not a tracking error: plan ahead. Use MPC if a linear model
@@ -1684,9 +1677,9 @@ Markdown("\n".join(lines))
 #
 # ### The simulator's hold
 #
-# Gains that work in simulation can shake the robot. One cause is how a simulator steps. MuJoCo's default integrator
-# is **semi-implicit Euler**: it first updates the velocity with the torque, and then moves the position with the
-# *new* velocity.
+# Gains that work in simulation can shake the robot. One cause is the integrator. MuJoCo's default integrator is
+# **semi-implicit Euler**: it first updates the velocity with the torque, and then moves the position with the *new*
+# velocity.
 
 # %%
 predict("one_step_a_sample")
@@ -1714,8 +1707,8 @@ _ = axis.legend(fontsize=9, loc="lower right")
 plt.show()
 
 # %% [markdown]
-# With $n$ physics steps per sample the delay is $(1 - 1/n)\,dt/2$ instead of $dt/2$. If the hold is the largest delay,
-# compute the torque in your own controller, at the robot's sample rate, and simulate each sample in ten physics steps.
+# With $n$ physics steps per sample the delay is $(1 - 1/n)\,dt/2$ instead of $dt/2$. So compute the torque in your own
+# controller, at the robot's sample rate, simulate each sample in ten physics steps, and add the robot's other delays.
 #
 # <details><summary>The limits of a PID loop: theory, the exact joint and MuJoCo</summary>
 #
@@ -1727,9 +1720,10 @@ plt.show()
 #
 # </details>
 #
-# MuJoCo evaluates its built-in position servo in every physics step. So it has no delay. Its limits (right chart of
-# *Stable PD gains*) depend on the integrator, and differ from those of sampled PD (dashed). *Discrete*, which also
-# computes the spring with the new position, has no limit in the range tried (triangles).
+# MuJoCo evaluates its built-in position servo in every physics step. So its limits (right chart of *Stable PD gains*)
+# differ from those of sampled PD (dashed), and depend on the integrator. *Euler* computes spring and damping with the
+# old state, so damping lowers the limit. *Implicitfast* uses the new velocity for the damping, so damping raises it.
+# *Discrete* also uses the new position for the spring, and has no limit in the range tried (triangles).
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -1784,7 +1778,7 @@ plt.show()
 
 # %% [markdown]
 # A, B and C are the first three rows of the table. In trace D the command was at the limit (red bar) during the whole
-# rise, so suspect windup before a large I term, and try anti-windup:
+# rise, so suspect windup first:
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
@@ -1796,10 +1790,10 @@ plt.show()
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The robot overshoots its target.* First look at the command. If it is at its limit during the
-# step and there is an I term, suspect windup, and try anti-windup. If that does not help, switch the I term off. If
-# the overshoot goes away, the I term was too large for the P term. If it stays, look at the delay margin. If the
-# margin is large, raise $K_d$ or lower $K_p$. If it is small, look for the delay.
+# **Debugging tip.** *The robot overshoots its target.* First look at the command. If it is at its limit during the step
+# and there is an I term, suspect windup, and try anti-windup. If that does not help, switch the I term off. If the
+# overshoot goes away, the I term was too large for the P term. If it stays, look at the delay margin. If the margin is
+# large, raise $K_d$ or lower $K_p$. If it is small, remove delay or lower the gains.
 #
 # <details><summary>A common mistake</summary>
 #
@@ -1823,8 +1817,6 @@ show("overshoot_means_p")
 # * Force control: lower the gain on the force. The impedance stiffness is not part of this loop.
 # * Admittance control: raise the virtual mass or damping. Soften the inner position loop only if it is
 #   too stiff for its own delay.
-#
-# If the loop is stable and the hand still bounces, add damping. A slower approach makes the bounces smaller.
 #
 # </div>
 
@@ -2112,8 +2104,8 @@ print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:
 # %% [markdown]
 # On the trained motion both are accurate to a few milliradians. On the larger motion, the learned correction's error is
 # about 35 times as large: it has no data there. The adaptive law's is about three times as large: its model has the
-# form of the arm's equations, and it goes on adapting. Its gains are also higher (the last line is its error without
-# adaptation). So the numbers do not rank learning against adaptation.
+# form of the arm's equations, and it goes on adapting. Its gains are also higher, so the numbers do not rank learning
+# against adaptation.
 #
 # <details><summary>Five works to read</summary>
 #
@@ -2131,7 +2123,7 @@ print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:
 more_claims("residual_learning_is_faster", "residual_of_the_state")
 
 # %% [markdown]
-# Here MPPI plans with MuJoCo as the model, and swings the arm up. Then we raise the price of torque, and the arm lets
+# Here MPPI plans with MuJoCo as the model, and raises the arm. Then we raise the price of torque, and the arm lets
 # itself fall:
 
 # %% tags=["show-code"]
