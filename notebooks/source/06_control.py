@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 6 · Control
 #
-# *A robot arm moves to a target. It overshoots, stops short, or starts to shake. Often the motor is fine, and the rule
-# that turns the measured angle into a torque is to blame.*
+# *A robot arm moves to a target. It overshoots, stops short, or starts to shake. Often the motor is fine, but the rule
+# from measured angle to torque is not.*
 #
 # The most common rule is **PID**. The error is the target minus the measured angle. PID adds three torques: one
 # proportional to the error (gain Kp), one to the error summed over time (Ki), and one to the rate of the error (Kd).
@@ -176,7 +176,7 @@ plt.show()
 # then returns to it slowly. Whether a mass on a spring oscillates depends on its **damping ratio** $\zeta = (b +
 # K_d)/(2\sqrt{J K_p})$: below 1 it does. The value 1 is called **critical damping**.
 #
-# With an I term, the joint can stay at rest for ever only where the error is zero, unless the command is at its limit
+# With an I term, the joint can rest for ever only where the error is zero, unless the command is at its limit
 # or a stop is in the way. Dry friction can keep the joint from getting there. It has two parts: **Coulomb friction** is
 # a torque of constant size against the motion, and **static friction** holds a joint at rest. While static friction
 # holds the joint away from the set-point, the I term grows, until the joint breaks loose. If static friction is larger
@@ -428,8 +428,8 @@ plt.show()
 #   error, the set-point enters the loop as the noise does, so $T$ is also the ratio of joint angle to set-point. The
 #   **bandwidth** is the frequency at which $\lvert T\rvert$ falls below $1/\sqrt2$.
 #
-# The distance of $L$ from $-1$ is $\lvert 1 + L\rvert = 1/\lvert S\rvert$. So the largest $\lvert S\rvert$, the **peak
-# sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$. **Worked
+# The distance of $L$ from $-1$ is $\lvert 1 + L\rvert = 1/\lvert S\rvert$. So the largest $\lvert S\rvert$, the
+# **peak sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$. **Worked
 # example:** in a stable loop with $M_s = 2$ the curve stays 0.5 away from $-1$. So it does not cross the real axis
 # between $-1$ and $-0.5$, and the gain can at least be doubled.
 #
