@@ -1,9 +1,10 @@
 # %% [markdown]
 # # 5 · Motion planning
 #
-# *A robot has to get from the green start to the yellow goal without touching anything red. Answer the question first,
-# then press* Plan. About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes}
-# minutes, the exercises {exercise minutes} minutes. The interview in section 10 is not counted.
+# *A robot has to get from the green start to the yellow goal without touching anything red. Answer the question first.
+# Its wall comes back in section 2. Then press* Plan. About {open minutes} minutes of reading, cards and charts. The
+# folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes. The interview in section 10 is
+# not counted.
 
 # %%
 from course.cards import predict
@@ -113,9 +114,9 @@ def bare(axis, title, low=0.0, high=10.0):
 #
 # A **configuration** is a list of numbers that fixes the position of every part of the robot; libraries often call it a
 # **state**. For an arm these are the joint angles. The set of all configurations is the **configuration space**. For an
-# arm on a fixed base, it has one dimension per joint. The ordinary space in which the robot and the obstacles stand is
-# called the **workspace**. In configuration space the robot has no width and no elbow: it is a single point, and a
-# motion is a curve.
+# arm on a fixed base whose joints move independently, it has one dimension per joint. The ordinary space in which the
+# robot and the obstacles stand is called the **workspace**. In configuration space the robot has no width and no elbow:
+# it is a single point, and a motion is a curve.
 #
 # The price is the shape of the obstacles. A configuration is blocked when any part of the arm touches anything, and the
 # set of blocked configurations has no simple formula. But one operation is always possible: take a single
@@ -199,10 +200,10 @@ plt.show()
 show("tip_path_then_ik")
 
 # %% [markdown]
-# How many dimensions does the space have? Count the joints, not the coordinates of the hand. A hand pose has six
-# coordinates, and an arm with seven joints can hold one pose with a whole family of configurations. And the space is
-# not simply a box. As the right half of the picture above shows, a joint without limits needs a distance that knows
-# about wrapping, or the planner takes the long way round.
+# How many dimensions does the space have? Count the independent joints, not the coordinates of the hand. A hand pose
+# has six coordinates, and an arm with seven joints can hold one pose with a whole family of configurations. And the
+# space is not simply a box. As the right half of the last picture shows, a joint without limits needs a distance that
+# knows about wrapping, or the planner takes the long way round.
 
 # %%
 show("one_dimension_a_joint")
@@ -226,7 +227,7 @@ show("one_dimension_a_joint")
 # 4. *Check* the new edge for collisions. If it is free, add the new node and store the nearest node as its parent.
 # 5. If the goal has become a node, follow the parents back to the start. This is the path.
 #
-# Nothing in this loop knows the shape of an obstacle: only the collision check in step 4 does.
+# Only the collision check in step 4 knows about obstacles.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 4, figsize=(10, 2.8), layout="constrained")
@@ -266,7 +267,7 @@ for axis, count in zip(axes[2:], (60, 600), strict=True):
 plt.show()
 
 # %% [markdown]
-# Why does the tree spread instead of clumping? Look at the second picture. All points of one patch have the same
+# Why does the tree spread instead of clumping? Look at the second sketch. All points of one patch have the same
 # nearest node. A node at the border of the tree owns a large empty region, so most samples fall there and pull that
 # node outwards. The right half shows a **bug trap**: the corridor to the only exit juts into the room. It begins in the
 # middle of the room. Branches that have already reached the walls don't help; a new branch has to grow from the middle
@@ -292,8 +293,8 @@ more_claims("rrt_loop")
 # ### Checking an edge, not only its end points
 #
 # Both ends of an edge are free. Is the segment between them free as well? Most libraries answer by checking points
-# along the edge. Whatever is thinner than the spacing of these points can be missed, and that is how the planner in the
-# first card walked through a wall.
+# along the edge. A wall thinner than the spacing of these points can be missed: that is how the planner in the first
+# card walked through one. An obstacle that an edge only grazes can be missed at any size.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.0), layout="constrained")
@@ -328,14 +329,15 @@ plt.show()
 # and the edge passes the centre of a disc of radius $r$ at a distance $h \le r$. A check point lies within $s/2$ of the
 # point of the edge that is nearest to the centre. By Pythagoras it is at most $\sqrt{h^2 + s^2/4}$ from the centre,
 # hence at most $\sqrt{r^2 + s^2/4}$. Enlarge the disc to this radius, and a check point lies inside it whenever an edge
-# touches the original disc.
+# touches the original disc. (Other shapes need another margin.)
 #
 # **A worked example.** A post has a radius of 0.3 m, the points are 0.4 m apart. The enlarged radius is $\sqrt{0.09 +
 # 0.04} = 0.36$ m. So checking at points adds 6 cm to the radius of each post.
 #
-# For a point robot among discs and polygons, check points are unnecessary: the distance from a disc's centre to a
-# segment can be computed exactly. The chart shows the share of colliding edges that each method accepts. OMPL, an
-# open-source planning library, checks points as well, so its markers lie on ours. Thin dark lines (*closed form*)
+# For a point robot among discs and polygons, check points are unnecessary: whether a segment meets a disc or a polygon
+# can be computed exactly. The chart shows the share of colliding edges that each method accepts, for a wall crossed at
+# right angles and for a disc. OMPL,
+# an open-source planning library, checks points as well, so its markers lie on ours. Thin dark lines (*closed form*)
 # predict the share, bands are two standard errors of the measured one. Our exact test stays at zero:
 #
 # ![Share of colliding edges that points along the edge miss, and that an exact test misses
@@ -420,12 +422,12 @@ show("near_the_goal")
 # A single tree has to find a goal that is one small target in a large space. **RRT-Connect** (Kuffner and LaValle 2000)
 # grows a second tree from the goal and lets the two look for each other. Each round has two halves:
 #
-# 1. *Extend.* One tree takes a single step towards a random sample, exactly as in RRT.
+# 1. *Extend.* One tree takes a single step towards a random sample, as in RRT, but without goal bias.
 # 2. *Connect.* The other tree tries to reach this new node. It goes there step after step, without new samples, until
 #    it arrives or an edge collides.
 #
 # If the second tree arrives, the path is complete. If not, the trees swap roles and a new round begins. The greedy
-# second half is what makes the planner fast: it crosses open space in one round.
+# second half can cross open space in one round.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.2), layout="constrained")
@@ -508,8 +510,9 @@ table(*lines)
 
 # %% [markdown]
 # A narrower gap lengthens the search and shrinks the advantage of RRT-Connect, which is smaller in edge checks than in
-# samples: at the 2 % gap the medians of the edge checks are nearly equal. After shortening (section 3) both planners
-# return practically the shortest path. (Cards with other numbers use more seeds, or means instead of medians.)
+# samples: at the 2 % gap the medians of the edge checks are nearly equal. (From each new node within a step of the
+# goal, our RRT also tries the edge to the goal. So it makes slightly more edge checks than samples.) After shortening
+# (section 3) both planners return practically the shortest path.
 
 # %%
 more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
@@ -517,7 +520,7 @@ more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
 # %% [markdown]
 # ### Where to sample
 #
-# How to help the samples? The first idea is more goal bias. In an empty room that works. Now think of the bug
+# How can we help the samples? The first idea is more goal bias. In an empty room that works. Now think of the bug
 # trap, where the straight way to the goal is blocked by the wall.
 
 # %%
@@ -529,9 +532,9 @@ simulation("growing", "Bug trap")
 # %% [markdown]
 # The second idea is to place samples where passages are. A **bridge test** samples two nearby configurations. If *both*
 # collide and the midpoint between them is free, it keeps the midpoint, which is then likely to lie in a passage. A
-# **Gaussian sampler** asks for less: one of the two must collide and the other one is kept, so its samples follow every
-# surface. (The bridge samples in open space below are uniform ones: our sampler takes one when many bridge tests in a
-# row have failed.)
+# **Gaussian sampler** asks for less: exactly one of the two must collide, and the other one is kept, so its samples
+# follow every surface. (The bridge samples in open space below are uniform ones: our sampler takes one when many bridge
+# tests in a row have failed.)
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
@@ -547,8 +550,8 @@ plt.show()
 
 # %% [markdown]
 # Both samplers pay for this with extra collision checks per sample. The bridge must also have the right length: if the
-# two samples are closer to each other than the passage is wide, they can't lie in the walls on both sides of it. In
-# wide open space, neither helps.
+# two samples are closer to each other than the passage is wide, they can't lie in the walls on both sides of it. Where
+# there is no narrow passage, neither helps.
 
 # %%
 more_claims("goal_bias_in_passages", "bridge_test")
@@ -600,11 +603,11 @@ plt.show()
 # over the new node. (In the sketch, the numbers are path lengths from the start, and the dotted circle is the radius.)
 #
 # A planner is **asymptotically optimal** if the length of its best path converges to the optimum with probability one.
-# The path of RRT\* never gets longer, since a node changes its parent only for a shorter path. That it converges to the
-# optimum needs two conditions. The radius may shrink as the number $n$ of nodes grows, in $d$ dimensions like $(\log
-# n/n)^{1/d}$ with a large enough factor (a later proof uses the exponent $1/(d+1)$). If it shrinks faster, a new node
-# soon has no neighbours to compare. And paths with clearance must come close to the shortest one, because no random
-# sample falls into a gap of zero width.
+# The path of RRT\* never gets longer, since a node changes its parent only for a shorter path. For convergence to the
+# optimum, two conditions are enough. First, the radius must not shrink too fast as the number $n$ of nodes grows: in
+# $d$ dimensions, a later proof uses $(\log n/n)^{1/(d+1)}$ with a large enough factor; the original paper used the
+# exponent $1/d$. Second, paths with clearance must come close to the shortest one, because no random sample falls into
+# a gap of zero width.
 
 # %%
 show("rrt_star_converges")
@@ -625,9 +628,10 @@ show("rrt_star_converges")
 # the curve *RRT-Connect, shortcuts*, each point stands for a number of random attempts to shorten the path (section 3):
 # 0, 10, 30, 100 and 300. Even at 0, needless waypoints are removed.
 #
-# The circle (*pick*) marks the fastest setting within 5 % of the optimum. It lies on that curve in both scenes: at 0
-# attempts around the disc, at 10 at the gap. PRM\* (next part) takes about twice as long. (OMPL's RRT\* calls Python
-# for each edge check.)
+# The circle (*pick*) marks the fastest setting whose median is within 5 % of the optimum. It lies on that curve in both
+# scenes: at 0 attempts around the disc, at 10 at the gap. A smaller tolerance can change the winner: at the gap,
+# Informed RRT\* comes closer to the optimum than shortcuts from about 2 ms on. (PRM\* is explained in the next part.
+# OMPL's RRT\* calls Python for each edge check.)
 
 # %%
 more_claims("informed_rrt_star")
@@ -638,11 +642,11 @@ more_claims("informed_rrt_star")
 # A robot at a shelf solves similar problems all day, and a tree throws everything away after each. A **roadmap** (PRM,
 # probabilistic roadmap; Kavraki and others 1996) is built in advance: sample free configurations, and connect each to
 # its nearest neighbours where the edge is free. To answer a **query**, one start with one goal, connect both to nearby
-# nodes, and search the graph. In **PRM\*** the number of neighbours grows with the logarithm of the number of nodes,
-# fast enough for its paths, too, to converge to the optimum.
+# nodes, and search the graph. In **PRM\*** the number of neighbours grows with the logarithm of the number of nodes.
+# With a large enough factor its paths, too, converge to the optimum.
 #
-# Most edges of a roadmap never appear in any answer, so why check them in advance? A **lazy** roadmap assumes that all
-# edges are free and checks only when it has to:
+# Most edges of a roadmap never appear in any answer, so why check them in advance? A **lazy** roadmap (Bohlin and
+# Kavraki 2000) assumes that all edges are free and checks only when it has to:
 #
 # 1. Search the graph for the shortest path, treating unchecked edges as free.
 # 2. Check the edges of this path. If all are free, return it.
@@ -694,7 +698,7 @@ plt.show()
 show("lazy_tests_the_final_path")
 
 # %% [markdown]
-# Being lazy pays most when something has moved. From here on, the scene is a shelf with an arm of seven joints (*7-R
+# Being lazy also helps when something has moved. From here on, the scene is a shelf with an arm of seven joints (*7-R
 # arm* in the charts). The arm reaches from one compartment into another.
 
 # %% tags=["hide-code"]
@@ -727,7 +731,7 @@ for k, name in enumerate(("open", "tight")):
 plt.show()
 
 # %% [markdown]
-# Blue and green are a start and a goal, each with the fingertip inside a compartment. The open shelf has
+# Blue is a start, green a goal, each with the fingertip inside a compartment. The open shelf has
 # two rows of compartments, the tight one has three rows, each of them lower. Now somebody places a ball of 8 cm radius
 # in front of the open shelf before each query, and any edge of the stored roadmap might be blocked.
 
@@ -737,15 +741,16 @@ predict("after_the_ball")
 # %% tags=["hide-code"]
 roadmap = planning.build_roadmap(requested.world, 1000, 0)
 rng = np.random.default_rng(1)
-rows = [("ball", "edges checked", "configurations on the path", "`check_path`")]
+rows = [("ball", "edges checked", "edges on the path", "`check_path`")]
 for k in range(5):
     pair = requested.query(rng)
     world = requested.disturbed(rng, *pair)
     reply = plan(world, *pair, method="roadmap", roadmap=roadmap, budget=20_000, rng=k, step=1.0)
     passed = "free" if check_path(world, reply.path, *pair) else "in collision"
-    rows.append((k + 1, reply.edge_checks, reply.path.shape[1], passed))
+    rows.append((k + 1, reply.edge_checks, reply.path.shape[1] - 1, passed))
 counts = f"The stored roadmap has {len(roadmap.nodes)} nodes and {len(roadmap.pairs):,} edges."
-Markdown(f"{table(*rows).data}\n\n{counts}")
+both = "Where the two numbers of edges are equal, no edge that was checked is blocked."
+Markdown(f"{table(*rows).data}\n\nThe edges that join start and goal are included. {both} {counts}")
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
@@ -764,10 +769,10 @@ more_claims("cached_roadmap")
 # ### Shortcutting
 #
 # The path of a tree zigzags, because it runs through random points. **Shortcutting** repairs that: pick two points on
-# the path at random, and if the straight edge between them is free, replace the part between them by this edge. Repeat
-# a few hundred times. The ends and corner points of a path are its **waypoints**. Choose the two points anywhere on the
-# path, not only among the waypoints. If both had to be waypoints, a path with a single corner would offer only one
-# shortcut, the straight line from start to goal.
+# the path at random, and if the straight edge between them is free, replace the part between them by this edge. Then
+# repeat. The ends and corner points of a path are its **waypoints**. Choose the two points anywhere on the path, not
+# only among the waypoints. If both had to be waypoints, a path with a single corner would offer only one shortcut, the
+# straight line from start to goal.
 
 # %%
 show("shortcut_never_lengthens")
@@ -809,6 +814,8 @@ for name, path, look in (
 ):
     _ = axes[1].plot(*path, label=name, **look)
     assert check_path(scene.world, path, scene.start, scene.goal)
+    if name == "smoothed":
+        continue
     stops = time_parameterise(path, (1.0, 1.0)).duration
     flows = time_parameterise(path, (1.0, 1.0), blend=0.5, free=scene.world).duration
     rows.append((name, f"{length(path):.2f} m", path.shape[1], f"{stops:.1f} s", f"{flows:.1f} s"))
@@ -819,16 +826,14 @@ plt.show()
 
 # %% [markdown]
 # At a sharp corner the robot has to stop, since turning at once would take an infinite acceleration, or it rounds the
-# corner with a short curve, a **blend**. The table compares both. Its last row is the path after the smoothing that
-# comes next.
+# corner with a short curve, a **blend**. The table compares both. (The dotted path, *smoothed*, belongs to the next
+# part.)
 
 # %% tags=["hide-code"]
 table(*rows)
 
 # %% [markdown]
-# The limits are 1 m/s and 1 m/s², for x and for y separately. The smoothed path has many waypoints, and a robot that
-# stops at each of them is slower than on the raw path of the tree. What counts is the motion, not how smooth the path
-# looks in a drawing. Where the timing rounds the corners, smoothing gains nothing here.
+# The limits are 1 m/s and 1 m/s², for x and for y separately.
 #
 # ### Smoothing and trajectory optimisation
 #
@@ -839,13 +844,13 @@ table(*rows)
 # the gradient of a smoothness cost plus an obstacle cost, and spreads each change over the neighbouring waypoints so
 # that the path bends instead of kinking.
 #
-# **TrajOpt** (Schulman and others 2014) replaces the cost by a **convex** one, whose only minima are global, and which
-# is accurate only near the present path. It looks for the minimum in a small region around this path, and repeats from
-# there. Waypoints too close to an obstacle cost extra. (The published version also tests the volume swept between
+# **TrajOpt** (Schulman and others 2014) replaces the cost by a **convex** one, each of whose minima is global, and
+# which is accurate only near the present path. It looks for the minimum in a small region around this path, and repeats
+# from there. Waypoints too close to an obstacle cost extra. (The published version also tests the volume swept between
 # waypoints, ours only midpoints.)
 #
-# **STOMP** (Kalakrishnan and others 2011) needs no gradient: it averages noisy variations of the trajectory, weighted
-# by their costs.
+# **STOMP** (Kalakrishnan and others 2011) needs no gradient: it averages noisy variations of the trajectory. The
+# cheaper a variation is, the more it counts.
 #
 # All of them start from an **initial guess**, and it decides a lot. If no deformation turns one path into another
 # without crossing an obstacle, the two belong to different **homotopy classes**. In the plane, these are paths on
@@ -862,11 +867,9 @@ for axis, title in zip(axes, ("two homotopy classes", "a guess through the obsta
 for lift, ink in ((3.1, BLUE), (4.2, BLUE), (-3.1, ORANGE), (-4.2, ORANGE)):
     _ = axes[0].plot(1 + 8 * along, 5 + lift * np.sin(np.pi * along), color=ink)
 _ = axes[1].plot([1, 9], [5, 5], color=GREY, lw=2)
-for x, sign in ((3.6, 1), (4.3, -1), (5.0, 1), (5.7, -1), (6.4, 1)):
-    _ = axes[1].annotate(
-        "", (x, 5 + 1.4 * sign), (x, 5), arrowprops={"arrowstyle": "->", "color": RED}
-    )
-_ = axes[1].text(5, 1.6, "pushed to both sides at once", ha="center", fontsize=8)
+for lift in (3.1, -3.1):
+    _ = axes[1].plot(1 + 8 * along, 5 + lift * np.sin(np.pi * along), ":", color=RED)
+_ = axes[1].text(5, 0.9, "to which side?", ha="center", fontsize=8)
 plt.show()
 
 # %% [markdown]
@@ -894,7 +897,7 @@ Markdown(
 # Both optimisers are our own short versions, with one setting each (24 waypoints, a desired clearance of 20 cm). The
 # counts show how much depends on initial guess and settings; they are no ranking.
 #
-# The card below repeats the test in a more crowded scene. The remedy is a better initial guess, such as a planner's
+# The card below repeats the test in a more crowded scene. What helps is a better initial guess, such as a planner's
 # path, or the best valid result of several guesses.
 
 # %%
@@ -910,16 +913,18 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 # time-optimal one: the fastest motion along the path that respects the velocity and acceleration limits of all joints.
 # (*Rate* means the velocity of a joint.)
 #
-# Let $s$ grow along the path: on a straight line it is the distance, on a rounded corner the parameter of a parabola.
-# $q(s)$ is the configuration at $s$, and $q'$ and $q''$ are its derivatives with respect to $s$. The path speed $\dot
-# s$ says how fast $s$ grows. The chain rule gives the joint accelerations:
+# Let $s$ grow along the path, and let $q(s)$ be the configuration at $s$, with the derivatives $q'$ and $q''$ with
+# respect to $s$. On a straight line $s$ is the distance. A rounded corner is a parabola, quadratic in $s$; $q'$ does
+# not jump where it joins the lines, and $s$ is not exactly the distance there. The path speed $\dot s$ says how fast
+# $s$ grows. The chain rule gives the joint accelerations:
 #
 # $$\ddot q = q'(s)\,\ddot s + q''(s)\,\dot s^2 .$$
 #
 # The left side is limited for every joint. Fix the path speed $\dot s$ at one point. Then each joint allows an interval
-# of path accelerations $\ddot s$, and the robot may use those that all joints allow. If the path speed is too high,
-# there are none; so each point has a highest speed (dotted in the left sketch, with dips at two sharp bends). That
-# turns a problem with many joints into one with a single unknown function, the path speed. Two passes find it:
+# of path accelerations $\ddot s$, and the robot may use those that all joints allow. Two things cap the path speed at a
+# point: the velocity limits of the joints, and in a bend also the acceleration limits, since above some speed no $\ddot
+# s$ suits all joints. This cap is dotted in the left sketch, with dips at two bends. That turns a problem with many
+# joints into one with a single unknown function, the path speed. Two passes find it:
 #
 # 1. *Backward*, from the goal at rest: at each point compute the highest speed from which the robot can still slow
 #    down before each limit ahead.
@@ -940,7 +945,7 @@ for k in range(len(place_) - 2, -1, -1):
     back[k] = min(cap[k], np.sqrt(back[k + 1] ** 2 + 2 * 2.0 * 0.005))
 for k in range(1, len(place_)):
     ahead[k] = min(back[k], np.sqrt(ahead[k - 1] ** 2 + 2 * 2.0 * 0.005))
-_ = axes[0].plot(place_, cap, ":", color=GREY, label="highest speed allowed at s")
+_ = axes[0].plot(place_, cap, ":", color=GREY, label="cap on the path speed")
 _ = axes[0].plot(place_, back, "--", color=ORANGE, label="backward pass")
 _ = axes[0].plot(place_, np.minimum(back, ahead), color=BLUE, lw=2, label="forward pass: result")
 _ = axes[0].set(xlabel="s [m]", ylabel="path speed [m/s]", ylim=(0, 3.4))
@@ -1005,9 +1010,9 @@ show("limits_between_grid_points")
 # saves](../docs/charts/limits_between.png)
 #
 # The left plot shows by how much the acceleration exceeds its limit inside the intervals, on straight lines and
-# parabolas. With a test at both ends, only rounding errors remain. In the right plot, the motion gets shorter the
-# earlier the rounding of a corner begins. Timing every joint on its own, with its own trapezoid, hardly saves time, and
-# it makes the robot leave the checked path.
+# parabolas. With a test at both ends, only rounding errors remain. In the right plot, the motion takes less time the
+# earlier the rounding of a corner begins. But a larger rounding also leaves the checked path farther. Timing every
+# joint on its own, with its own trapezoid, hardly saves time here, and it makes the robot leave the checked path.
 
 # %%
 more_claims("shortcut_share")
@@ -1046,12 +1051,7 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# | level | decides | takes | passes down |
-# |---|---|---|---|
-# | **Task planning** | *what*: pick up the cup, put it on the shelf | goals, objects | ↓ a grasp pose |
-# | **Motion planning** | *which way*: a collision-free path from here to there | a world, a start, goals from inverse kinematics | ↓ waypoints |
-# | **Trajectory generation** | *how fast*: within the limits | a path | ↓ $q, \dot q, \ddot q$ at any $t$ |
-# | **Control** | *how hard*: torques that follow the trajectory | the trajectory, measured joint angles | torques, at a kilohertz |
+# Blue arrows show what a level passes down, red ones what it reports when it fails.
 #
 # Each level should report *why* it failed, or the level above will try the same again. And by the time a plan is
 # carried out, the scene that it was computed for may be out of date. Keep checking the rest of the path at the rate of
@@ -1076,17 +1076,15 @@ print("plan {:.1f} ms, shortcut {:.1f} ms, time parameterisation {:.1f} ms".form
 print(f"for a motion of {motion.duration:.2f} s between two compartments of the open shelf")
 
 # %% [markdown]
-# Shortcutting takes longer here than planning. An attempt that straightens a single joint changes many edges, and each
-# has to be checked again, so 60 attempts check several times as many edges as the planner did. Once the planner is
-# fast, look at the shortcuts.
+# Shortcutting takes longer here than planning. Once the planner is fast, look at the shortcuts.
 #
 # ## 5 · Code: from your own collision check to a motion
 #
 # A planner needs one function from you: is this configuration free? The cell below plans around a ring that is known
 # only through such a function. Edges are checked at points 2 cm apart, because a yes-or-no function offers nothing
 # better. Since points can miss a shallow cut, the function keeps 5 cm away from the ring (dashed in the picture), also
-# at its opening. Then the path is shortened and timed. `check_path` (here, too, at points 2 cm apart) validates it
-# twice, the second time with its rounded corners.
+# at its opening. Then the path is shortened and timed. `check_path` validates it twice, the second time with its
+# rounded corners. (Here it calls the same `is_free` at points 2 cm apart, so it cannot find an error in `is_free`.)
 
 
 # %% tags=["show-code"]
@@ -1161,17 +1159,18 @@ predict("first_of_ten_ideas")
 
 # %% [markdown]
 # The table lists ten versions. Most change one thing in an earlier one ("as 2"); versions 7 and 8 are new starts with a
-# roadmap. The single trees and version 7 stop after 20,000 samples, the others after 200,000. (With the shelf
-# unchanged, version 5 never needed more than 20,000.) Version 1 also stops after five seconds.
+# roadmap. The single trees and version 7 stop after 20,000 samples, the others after 200,000; with more samples they
+# might solve more. Version 1 also stops after five seconds.
 #
 # The test has 100 queries that have a solution when nothing has moved. Version 1 got every 20th of them, versions 2 and
-# 3 every 10th, the others all. Each query was run once with the shelf unchanged ("still") and once with a ball in front
-# of it ("moved").
+# 3 every 10th, the others all. Each query was run once with the shelf unchanged ("still", in the table) and once with a
+# ball in front of it ("moved").
 #
-# The chart shows the median and the slowest query, a single run that changes a lot from one set of queries to the next.
-# A triangle at the top edge means *no time*: at least one query unsolved (slowest), or at least half of them (median).
+# The chart shows versions 4 to 10, which got all queries: the median and the slowest query. The slowest is a single run
+# and changes a lot from one set of queries to the next. A triangle at the top edge means that at least one query stayed
+# unsolved.
 #
-# ![Planning time of ten versions at two shelves, median and slowest query](../docs/charts/shelf_ladder.png)
+# ![Planning time of seven versions at two shelves, median and slowest query](../docs/charts/shelf_ladder.png)
 
 # %% tags=["hide-code"]
 VERSIONS = {
@@ -1193,39 +1192,43 @@ ladder = {
         r"^(.{17}) still (open|tight) +(\d+) of +(\d+), ms: median +(\S+), slowest +(\S+);",
     )
 }
-table(
+built = key("shelf_ladder", r"^(open|tight) shelf: .* built in (\S+) s;")
+rows = table(
     ("version (shelf unchanged)", "open shelf: solved", "median [ms]", "slowest [ms]",
      "tight shelf: solved", "median [ms]", "slowest [ms]"),
     *((f"{k}. {title}", *ladder[name, "open"], *ladder[name, "tight"])
       for k, (name, title) in enumerate(VERSIONS.items(), 1)),
 )  # fmt: skip
+once = " and ".join(f"{seconds} s at the {shelf} shelf" for shelf, seconds in built)
+Markdown(f"{rows.data}\n\nNot in the table: building the stored roadmap once took {once}.")
 
 # %% [markdown]
 # What each version contributed:
 #
 # * *1 to 3.* One tree with short steps. Versions 1 and 2 check an edge at points 0.01 rad apart, version 3 by
-#   conservative advancement. Here both checks gave the same answers, so versions 2 and 3 grew the same trees. Only the
-#   time differs: with the ball, the median of version 3 is about ten times shorter.
+#   conservative advancement. None solves more than half of its queries in the table.
 # * *4. Longer steps.* Nearly all queries are solved. This is OMPL's default, a fifth of the space's extent.
-# * *5. RRT-Connect.* Solves the remaining ones and lowers the median: getting *out of* a compartment is easier than
-#   finding the way in.
-# * *6. Bridge samples.* Finding them takes more time than they save.
-# * *7. A lazy roadmap, built for the query.* Few edge checks, but some queries stay unsolved.
-# * *8 and 9. A stored roadmap.* The median gets somewhat worse than with RRT-Connect. Version 8 joins start and goal to
+# * *5. RRT-Connect.* Solves the remaining ones and lowers the median.
+# * *6. Bridge samples.* Median and slowest query take longer.
+# * *7. A lazy roadmap, built for the query.* Slower than RRT-Connect in the median, and some queries stay unsolved.
+# * *8 and 9. A stored roadmap.* The median is somewhat longer than with RRT-Connect. Version 8 joins start and goal to
 #   near nodes by straight edges, and uses RRT-Connect where that fails. In version 9 a small tree grows from each end
-#   until it reaches the roadmap. Its slowest query beats that of version 5 at both shelves, still and moved.
-# * *10. Earlier paths added.* The slowest query takes longer again, so stop at version 9.
+#   until it reaches the roadmap. Its slowest query takes less time than that of version 5 at both shelves, still and
+#   moved.
+# * *10. Earlier paths added.* No consistent gain: the median is longer than that of version 9 in three of four cases.
+#   So stop at version 9.
 #
-# By the median, version 4 already stays below the required tenth of a second. For every query, at both shelves, still
-# and moved, only versions 9 and 10 do.
+# By the median, version 4 already stays below the required tenth of a second. For each of these 100 queries, at both
+# shelves, still and moved, only versions 9 and 10 do. One run per query is weak evidence for that: before you promise
+# it, repeat with other seeds.
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *How do you speed up planning?* Don't recite a menu, give an order. (1) Measure two numbers: how
 # many checks, and what one costs. (2) Reduce the number first, since that decides whether a query is solved at all:
-# longer steps, a second tree. But with two trees, longer steps can cost time. (3) Make the
-# check cheap: simple shapes, compiled or vectorised code, a distance instead of many points. (4) Reuse: a stored
-# roadmap, checked lazily. (5) Special samplers last, for a passage that you can name. *And say what each one costs.*
+# longer steps or a second tree. (3) Make the check cheap: simple shapes, compiled or vectorised code, a distance
+# instead of many points. (4) Reuse: a stored roadmap, checked lazily. (5) Special samplers last, for a passage that
+# you can name. *And say what each one costs.*
 #
 # </div>
 
@@ -1263,15 +1266,15 @@ table(
 
 # %% [markdown]
 # With the same compiled edge check, OMPL takes about as long as our planner in most scenes, and several times as long
-# at the 2 % gap. There the search checks hundreds of edges instead of dozens, and OMPL pays for a call into Python at
-# each one. The curve *OMPL's own part* leaves out the time inside these calls, and with it the edge checks. For the
-# seven-joint arm nearly all the time is edge checking, and the two are equal.
+# at the 2 % gap. The curve *OMPL's own part* omits the time inside our edge check, but not the cost of calling it from
+# C++. At the 2 % gap even this part takes longer than our whole plan in the median; we did not measure why.
 #
-# With a collision check in Python, planning is many times slower. And at OMPL's default spacing, 1 % of the diagonal of
-# the space, some of the returned paths are in collision. (The curve *OMPL, Python, 0.2%* has a fifth of that spacing.)
+# The last two columns change two things at once: the check runs in Python, and it tests points instead of whole edges.
+# So they don't show what Python alone costs. At OMPL's default spacing, 1 % of the diagonal of the space, some of the
+# returned paths are in collision. (The curve *OMPL, Python, 0.2%* has a fifth of that spacing.)
 #
-# So pick OMPL, with a compiled edge check that you trust. The edge check matters far more than the choice of the
-# library.
+# In every scene, the choice of the check changed the time more than the choice between these two planners. So use the
+# library, which is maintained and offers many planners, and spend your effort on the edge check.
 #
 # <details><summary>Samples of both planners, and the seven-joint arm in detail</summary>
 #
@@ -1296,17 +1299,16 @@ more_claims("ompl_defaults")
 # ### Narrow in how many directions?
 #
 # "It has seven joints, so planning is hard" is a common excuse. What counts is in how many directions a passage is
-# narrow. Compare three openings in a wall. A *slab* is narrow in one direction only, like a door. A *tube* is narrow
-# in every direction along the wall; here it is very short, a hole in a thin wall. A *cube* is the same hole in a
-# thicker wall, as thick as the hole is wide.
+# narrow. Compare three openings in a wall. A *slab* is narrow in one direction only, like a door. A *hole* is narrow in
+# every direction along the wall, which is thin. A *tunnel* is the same hole in a wall as thick as the hole is wide.
 
 # %% tags=["hide-code"]
 figure_ = plt.figure(figsize=(8.5, 2.9), layout="constrained")
 hole = ((-1, -1, 2, 0.85), (-1, -0.15, 0.85, 0.3), (0.15, -0.15, 0.85, 0.3))  # top cut away
 shapes = (
     ("slab: narrow in one direction", 0.06, ((-1, -1, 0.85, 2), (0.15, -1, 0.85, 2))),
-    ("tube: narrow in both\n(wall above it cut away)", 0.06, hole),
-    ("cube: the same, in a thick wall\n(wall above it cut away)", 0.3, hole),
+    ("hole: narrow in both\n(wall above it cut away)", 0.06, hole),
+    ("tunnel: the same, in a thick wall\n(wall above it cut away)", 0.3, hole),
 )
 for k, (title, thick, pieces) in enumerate(shapes):
     axis = figure_.add_subplot(1, 3, k + 1, projection="3d", proj_type="ortho")
@@ -1325,22 +1327,22 @@ plt.show()
 # through the opening. On the right, it shows how many samples RRT-Connect needs. In each direction in which an opening
 # is narrow, it is a tenth of the wall wide.
 #
-# ![Probability that two points are joined through a slab, a tube and a cube, and samples that RRT-Connect needs, by
+# ![Probability that two points are joined through a slab, a hole and a tunnel, and samples that RRT-Connect needs, by
 # dimension](../docs/charts/narrow_passages.png)
 #
-# The two plots use different colours. A curve ends where no sampled pair saw each other (left) or where the median
-# exceeds the budget (right, triangle). The bands are quartiles over 100 seeds. OMPL (dashed) shows the same growth.
+# A curve ends where no sampled pair saw each other (left) or where the median exceeds the budget (right, triangle).
+# The bands are quartiles over 100 seeds. OMPL (dashed) shows similar growth.
 #
-# The slab is hardly harder in seven dimensions than in two. The tube gets harder by a large factor with each dimension.
-# So count the directions in which your passage is narrow, and remove some of them: first plan to a configuration in
-# front of the slot, with the gripper already aligned; then move straight in.
+# In seven dimensions the slab still needs only a few samples. The hole gets harder by a large factor with each
+# dimension. So count the directions in which your passage is narrow, and remove some of them: first plan to a
+# configuration in front of the slot, with the gripper already aligned; then move straight in.
 #
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The planner finds no path.* Check in this order. (1) Are start and goal free in the planner's own
-# model of robot and scene? A gripper that holds a cup *touches* the cup. (2) Is there a path at all? Shrink the
-# obstacles until one appears; where it squeezes through is your passage. (3) Try other step sizes, longer and shorter.
-# (4) Use two trees. (5) Allow more samples, and place some in the passage. (6) Only then try another planner.
+# model of robot and scene? A gripper that holds a cup *touches* the cup. (2) Where is it narrow? Shrink the obstacles
+# until a path appears; where it squeezes through is your passage. (3) Try other step sizes, longer and shorter. (4) Use
+# two trees. (5) Allow more samples, and place some in the passage. (6) Only then try another planner.
 #
 # <details><summary>What people get wrong</summary>
 #
@@ -1373,11 +1375,10 @@ show("slow_plans_are_slow_questions")
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The motion is jerky, or far too long.* Find out which of three it is. Corners in free space: use
-# shortcuts. Stops at each waypoint: that is the timing; round the corners in passing. A long detour: the path passes an
-# obstacle on its longer side, in another homotopy class, and no smoothing changes that; plan again, or use RRT\*. After
-# each fix run the collision check again. A rounded corner, or a spline through the waypoints, is a new path that nobody
-# has checked.
+# **Debugging tip.** *The motion is jerky, or far too long.* Find out which of four it is. Corners in free space: use
+# shortcuts. Jumps of the acceleration: limit the jerk. Stops at each waypoint: that is the timing; round the corners in
+# passing. A long detour: the path passes an obstacle on its longer side, in another homotopy class, and no smoothing
+# changes that; plan again, or use RRT\*. After each fix run the collision check again.
 #
 # </div>
 #
@@ -1385,10 +1386,9 @@ show("slow_plans_are_slow_questions")
 # <td>edges are checked at points</td> <td><code>check_path</code>; halve the spacing</td> <td>use an exact edge check,
 # or enlarge the obstacles as section 2 computes</td></tr> <tr><td>fast on average, sometimes far too slow</td> <td>a
 # heavy tail</td> <td>look at the 99th percentile, counting failures as infinite; find out which queries are slow</td>
-# <td>look at their start and goal, which are often hard to leave: take longer steps, or grow a small tree from each to
-# a stored roadmap</td></tr> <tr><td>a different result in each run</td> <td>the seed or the time limit comes from the
-# clock</td> <td>make the same call twice</td> <td>pass a seed; limit the number of samples instead of seconds</td></tr>
-# </table>
+# <td>look at their start and goal: take longer steps, or grow a small tree from each to a stored roadmap</td></tr>
+# <tr><td>a different result in each run</td> <td>the seed or the time limit comes from the clock</td> <td>make the same
+# call twice</td> <td>pass a seed; limit the number of samples instead of seconds</td></tr> </table>
 
 # %%
 more_claims("blocked_ends_are_named")
@@ -1400,9 +1400,9 @@ more_claims("blocked_ends_are_named")
 # empty, and any motion is allowed.
 #
 # **Self-collision** and the **held object**. Check each pair of links that can meet. Once the gripper holds a cup, the
-# cup is part of the robot: attach its shape to the hand, allow the contact between hand and cup, and check every stored
-# edge again. Conservative advancement still proves an edge if its bounds include the cup, and the motion of two links
-# against each other.
+# cup is part of the robot: attach its shape to the hand, allow the contact between hand and cup, and treat every stored
+# edge as unchecked. Conservative advancement still proves an edge if its bounds include the cup, and the motion of two
+# links against each other.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 4, figsize=(10, 2.6), layout="constrained")
@@ -1440,9 +1440,9 @@ plt.show()
 
 # %% [markdown]
 # The chart shows what these checks cost (left), and how many configurations and paths collide if the planner omits them
-# (right). The checks of the arm against itself and of a cup together triple the time of an edge check. But of the paths
-# that were planned without the cup, nearly all collide once it is held. (*Coal* is a standard library for general
-# shapes, called from Python on the same capsules.)
+# (right). The checks of the arm against itself and of a cup together triple the time of an edge check. The paths were
+# planned between starts and goals that are free also with the cup. Still, nearly all of those planned without the cup
+# collide once it is held. (*Coal* is a standard library for general shapes, called from Python on the same capsules.)
 #
 # ![Time of a check with self-collision and a held cup, and collisions missed without
 # them](../docs/charts/held_object.png)
@@ -1471,8 +1471,8 @@ more_claims("limits_keep_an_arm_from_itself")
 # **A constraint on the motion.** Carrying the cup upright removes two degrees of freedom. The allowed configurations
 # form a curved surface, a **constraint manifold**, which a random sample never hits. CBiRRT (Berenson and others 2009)
 # grows two trees and projects each new configuration onto the surface (second sketch). But the edge between two such
-# configurations is straight and leaves the surface, so the cup tilts there. With half the step, this tilt falls to a
-# quarter (third sketch).
+# configurations is straight and leaves the surface, so the cup tilts there. With half the step, this tilt falls to
+# about a quarter (third sketch).
 #
 # The next plot shows a planned path. Each edge has an upper bound on its tilt, computed without check points. The bound
 # stays below the allowed 1°.
@@ -1506,8 +1506,9 @@ side_ = "below" if worst_.max() < 1 else "above"
 print(f"largest tilt: {direct.max():.0f}° on a straight edge, {side_} 1° on the manifold")
 
 # %% [markdown]
-# The edges must be checked for collisions as well. OMPL's planner for constraints checks configurations and nothing
-# between them. With 0.2 rad between two checks, many of the paths that it returned at our shelf collide.
+# The edges must be checked for collisions as well. OMPL's planner for constraints checks configurations at a spacing
+# that you choose, and nothing between them. So its paths can collide. The table in the fold shows how many did, at two
+# spacings that we tried.
 #
 # <details><summary>Projection, and a bound on the tilt between two states</summary>
 #
@@ -1591,12 +1592,12 @@ figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
 # **Dynamics.** A fast arm can't turn a corner at full speed. **Kinodynamic** planning has velocities in its states and
 # limits of acceleration in its edges. The RRT of LaValle and Kuffner (2001) simulates random controls from the node
 # nearest to a sample, and adds the result that comes closest to the sample (fourth sketch). We tried it with a point of
-# limited acceleration among thin posts, with two results:
+# limited acceleration among 150 posts, 6 cm thick, in a square of 10 m. Two results:
 #
-# * Of the trajectories that were checked only at points, nearly half hit a post. With a margin that covers the motion
-#   between two points, none did.
-# * The *nearest* node should be the one from which the sample can be reached soonest. Then the trajectories take over a
-#   third less time than with the Euclidean distance of position and velocity.
+# * Of the trajectories that were checked only at points 0.1 s apart, nearly half hit a post. With a margin that covers
+#   the motion between two points, none did.
+# * Which node is *nearest*? When we chose the one from which the sample can be reached soonest, the trajectories lasted
+#   less than two thirds as long as with the Euclidean distance of position and velocity.
 #
 # <details><summary>The comparison in detail: planners, lower bound, margin between points</summary>
 #
@@ -1633,7 +1634,7 @@ figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
 #
 # </details>
 
-# %%
+# %% tags=["hide-code"]
 ((best_,),) = key("kinodynamic_bounds", r"^drawn of OMPL's is (.+) of a control, the least")
 rows = table(
     ("planner", "solved", "of these, hit a post", "time of the trajectory / lower bound",
@@ -1849,13 +1850,13 @@ your_robot(5)
 # Random samples ignore everything that earlier queries taught us. A network can do better: show it many solved
 # problems, and let it predict where solutions run. The network's input is an **occupancy grid**, an image that marks
 # which cells are free, together with start and goal. Its output is a map of the cells through which solution paths are
-# likely to pass. The planner then samples from this map, plus a share of uniform samples so that it stays
+# likely to pass. The planner (here RRT-Connect) samples from this map, plus a share of uniform samples so that it stays
 # probabilistically complete.
 #
 # The test worlds have three walls with one slit each. The first panel of the chart shows one of them with the proposed
 # samples, the second the worlds of the training family, the third the same worlds rotated by 90°. The bridge test of
-# section 2, used for a fifth of the samples, does badly here: few pairs of samples lie in the same wall, one on each
-# side of the slit. The last panel belongs to the diffusion model, which comes next.
+# section 2, used for a fifth of the samples, needs the most checks: those of its failed attempts count as well, and we
+# did not tune its length. The last panel belongs to the diffusion model, which comes next.
 #
 # ![A learned sampler and a diffusion planner, compared with methods without
 # learning](../docs/charts/learned_planners.png)
@@ -1863,9 +1864,9 @@ your_robot(5)
 # %% tags=["hide-code"]
 NAMES = {
     "uniform": "uniform samples",
-    "learned": "learned sampler",
-    "grid search": "samples along a plain grid search",
-    "learned, grid counted": "learned sampler, checks to fill the grid included",
+    "learned": "learned sampler (filling the grid not counted)",
+    "grid search": "samples along a plain grid search (filling the grid not counted)",
+    "learned, grid counted": "learned sampler, checks to fill the grid counted",
     "turned: uniform": "uniform samples, worlds rotated by 90°",
     "turned: learned": "learned sampler, worlds rotated by 90°",
 }
@@ -1881,10 +1882,10 @@ for name, title in NAMES.items():
 table(*rows)
 
 # %% [markdown]
-# So ask three questions about a learned sampler. What does its *input* cost? A mobile robot may have a map anyway. (The
-# camera of an arm sees the workspace, which is not the grid in question.) Filling the grid with collision checks costs
-# more than the median query saves; only the hard queries still gain. What would a *simple* method such as a grid search
-# make of the same input? And how far is your world from those of the training?
+# So ask three questions about a learned sampler. What does its *input* cost? A mobile robot may have a map anyway. (For
+# an arm, the grid would have to mark free configurations, and a camera shows only the workspace.) Filling the grid with
+# collision checks costs more than the median query saves; only the hard queries still gain. What would a *simple*
+# method such as a grid search make of the same input? And how far is your world from those of the training?
 #
 # A bad sampler can't make a path collide, because every edge is still checked. As long as uniform samples are mixed in,
 # it can only make the planner slow.
@@ -1928,8 +1929,8 @@ show("diffusion_is_collision_free")
 # %% [markdown]
 # In the last panel of the chart, *diffusion, checked* returns the first of eight proposals that is free; if none is,
 # the query stays unsolved. *Pushed out* first moves each proposal out of the discs with an optimiser. *Bent lines* are
-# untrained guesses. RRT-Connect with shortcuts is the fastest. If both are pushed out, untrained guesses are faster
-# than those of the diffusion model in the median, and slower on the hardest queries.
+# untrained guesses. RRT-Connect with shortcuts is the fastest here. After the optimiser, bent lines are faster in the
+# median than the proposals of the diffusion model, and slower on the hardest queries.
 #
 # For each of these often cited planners, ask what guarantees that the result is free:
 # was a collision check passed, or was only a cost low?
@@ -1948,7 +1949,7 @@ show("diffusion_is_collision_free")
 #
 # ### What the field uses now
 #
-# "Under 100 ms" is no longer the frontier on a desktop computer. Vectorised planners check many configurations at once
+# Vectorised planners check many configurations at once
 # with the vector instructions of an ordinary CPU and report times in microseconds. Optimisers start from many guesses
 # at once on a graphics card. Convex formulations plan through convex regions of free space that were computed in
 # advance. When one is called *faster*, ask for the **baseline**: faster than what?
@@ -1992,52 +1993,45 @@ plt.show()
 # late as possible</td></tr> <tr><td>STORM (Bhardwaj and others, CoRL, arXiv 2104.13542)</td> <td>2021</td> <td>samples
 # joint motions on a graphics card at each control step and averages them</td> <td>only its costs, some of them
 # learned</td></tr> <tr><td>Graphs of convex sets (Marcucci and others, arXiv 2205.04422)</td> <td>2023</td> <td>covers
-# free space with convex regions; one convex optimisation chooses the regions and the trajectory through them</td>
-# <td>the regions, if they are free</td></tr> <tr><td>cuRobo (Sundaralingam and others, arXiv 2310.17274)</td>
-# <td>2023</td> <td>nothing learned: many optimisations at once on a graphics card, from guesses of a geometric
-# planner</td> <td>costs during the optimisation; then a test of the result, with collision checks at its
-# points</td></tr> <tr><td>VAMP (Thomason, Kingston and Kavraki, arXiv 2309.14545)</td> <td>2024</td> <td>nothing
-# learned: RRT-Connect and PRM whose collision checks use the vector instructions of a CPU</td> <td>a check at points
-# along each edge</td></tr> </table>
+# free space with convex regions; a convex relaxation of a mixed-integer problem, then rounded, chooses the regions and
+# the trajectory through them</td> <td>the regions, if they are free</td></tr> <tr><td>cuRobo (Sundaralingam and others,
+# arXiv 2310.17274)</td> <td>2023</td> <td>nothing learned: many optimisations at once on a graphics card, some from
+# guesses of a geometric planner</td> <td>costs during the optimisation; then a test of the result, with collision
+# checks at its points</td></tr> <tr><td>VAMP (Thomason, Kingston and Kavraki, arXiv 2309.14545)</td> <td>2024</td>
+# <td>nothing learned: RRT-Connect and PRM whose collision checks use the vector instructions of a CPU</td> <td>a check
+# at points along each edge</td></tr> </table>
 #
 # VAMP's authors report a median planning time of 35 µs for a seven-joint arm, on other queries and another CPU. We
-# covered our arm with spheres, somewhat larger than the links (*swelling*: by which share of the radius), and checked
-# 32 points of an edge at a time:
+# covered our arm with spheres, somewhat larger than the links (*swelling*: by which share of the radius; 0.1 for the
+# times), and checked 32 points of an edge at a time:
 #
-# ![Time of an edge check in batches, free edges rejected, and median planning times](../docs/charts/batch_edges.png)
+# ![Time of an edge check in batches, and free edges rejected](../docs/charts/batch_edges.png)
 
 # %% tags=["hide-code"]
-plans = {
-    (name, check): spent
-    for name, check, spent in key("batch_edges", r"^plan, (\w+) shelf, (.+): median (\S+) ms")
-}
 edges_ = {
     (kind, check): row.split(", ")[2]
     for kind, check, row in key("batch_edges", r"^(\w+) edges, (.+?): (.+) µs$")
 }
 table(
-    ("edge check", "a free edge [µs]", "a colliding edge [µs]", "median plan, open shelf [ms]",
-     "tight shelf [ms]"),
-    *((title, edges_["free", long], edges_["colliding", long], plans["open", short],
-       plans["tight", short])
-      for title, long, short in (
-          ("proof by conservative advancement", "conservative advancement", "proof"),
-          ("batches of 32 points, 0.05 rad", "batches of 32", "batches"),
-          ("the same points, one by one", "the same points, one by one", "one by one"))),
+    ("edge check", "a free edge [µs]", "a colliding edge [µs]"),
+    *((title, edges_["free", name], edges_["colliding", name])
+      for title, name in (
+          ("proof by conservative advancement", "conservative advancement"),
+          ("batches of 32 points, 0.05 rad", "batches of 32"),
+          ("the same points, one by one", "the same points, one by one"))),
 )  # fmt: skip
 
 # %% [markdown]
-# Batches are several times faster than the same points one by one. Compared with the proof, they are about as fast on
-# free edges and slower on colliding ones. The plans in the table take less time with batches. But when we repeated each
-# plan fifteen times, we found no gain over the proof. The price: larger spheres reject free edges (third plot), and
-# nothing is checked between two points.
+# At 0.05 rad, batches are faster than the same points one by one. Compared with the proof, they are about as fast on
+# free edges and slower on colliding ones. Besides, larger spheres reject free edges (third plot), and nothing is
+# checked between two points.
 #
 # <details><summary>Limits of the batches; BIT* and graphs of convex sets, run in the plane</summary>
 #
 # One instruction computes the same number for eight points or more. Conservative advancement proves an edge instead of
 # sampling it. It takes about as long as batches for free edges, and less for colliding ones. Because the spheres are
-# larger than the arm, some free edges are rejected, and some queries begin or end in collision. We found no missed
-# collision among these edges, and that is no proof.
+# larger than the arm, some free edges are rejected. We found no missed collision among these edges, and that is no
+# proof.
 #
 # Two other rows of the table were run where the shortest path is known exactly. Edge checks are counted instead of
 # time:

@@ -1,5 +1,7 @@
 """What the charts of chapter 5 say is in what they measured: their stored series are read."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -34,10 +36,13 @@ def test_the_rungs_of_the_ladder_bought_what_the_notebook_says() -> None:
             middle, tail = (
                 np.asarray(panel[f"{name}, {place}"].y) for name in ("median", "slowest")
             )
-            _, _, _, longer, both, bridge, _, _, trees, earlier = middle
-            assert not middle[2] < 20.0 * longer and 2.0 * both < min(longer, bridge)
+            longer, both, bridge, _, _, trees, earlier = middle
+            assert 2.0 * both < min(longer, bridge)
             assert max(both, trees, earlier) < 2.5 * min(both, trees, earlier)
-            assert tail[8] < min(tail[4], tail[9], 0.1) and np.isinf(tail[:3]).all()
+            assert tail[5] < min(tail[1], tail[6], 0.1)
+    short = r"^(?:compiled|edges proved) +still.* (\d+) of +10,.*slowest +inf"
+    solved = re.findall(short, charts.read("shelf_ladder"), re.M)
+    assert len(solved) == 4 and all(int(count) <= 5 for count in solved)
 
 
 def test_ours_and_ompl_take_as_many_samples() -> None:
@@ -57,7 +62,7 @@ def test_ours_and_ompl_take_as_many_samples() -> None:
 def test_no_star_tree_is_first_within_five_percent_and_no_path_beats_the_shortest() -> None:
     for panel in charts.stored("path_quality"):
         (pick,) = (s for s in panel.series if s.key == "chosen")
-        name = panel.title.split(": first is ")[1]
+        name = panel.title.split(": fastest within 5%:\n")[1]
         assert pick.y[0] <= 0.05 and name in ("PRM*", "RRT-Connect, shortcuts")
         assert pick.x[0] in panel[name].x
         curves = [s for s in panel.series if s.counts]
@@ -70,15 +75,15 @@ def test_no_star_tree_is_first_within_five_percent_and_no_path_beats_the_shortes
         assert informed.y[-1] < 0.7 * star.y[-1]
 
 
-def test_a_tube_closes_with_the_dimension_as_theory_says_and_a_slab_does_not() -> None:
+def test_a_hole_closes_with_the_dimension_as_theory_says_and_a_slab_does_not() -> None:
     pair, samples = charts.stored("narrow_passages")
-    for name in ("slab", "tube"):
+    for name in ("slab", "hole"):
         bounded = [1 if name == "slab" else n - 1 for n in pair[name].x]
         law = np.array([limits.pair_joined(0.1, b) for b in bounded])
         assert np.all(np.abs(pair[name].y - law) < 4.0 * np.sqrt(law / 100_000))
     assert limits.pair_joined(0.1, 2) == pytest.approx(0.01 * 7 / 3, rel=0.02)
     assert max(samples["slab"].y) < 30 and max(samples["slab, OMPL"].y) < 30
-    for name in ("tube", "cube", "tube, OMPL", "cube, OMPL"):
+    for name in ("hole", "tunnel", "hole, OMPL", "tunnel, OMPL"):
         assert np.isinf(samples[name].y[-1])
         assert np.all(np.diff(samples[name].y) > 0.0)
 

@@ -1,4 +1,4 @@
-"""What vector instructions gain in the check of an edge, what they miss, and what a plan gains."""
+"""What vector instructions gain in the check of an edge, and what they miss."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -9,19 +9,17 @@ from numpy.typing import NDArray
 
 from course import planning
 from course.charts import chart
-from course.charts.planning.ladder import BOTH, certified
-from course.charts.planning.ompl_comparison import alone
 from course.compiled import compiled
 from course.measure.figure import Panel, Series
 from course.measure.timing import calls, interleaved
 from course.measure.work_precision import machine
-from course.planning import World, plan, state_free
+from course.planning import World, state_free
 from course.planning.batches import LANES, in_batches, one_by_one
 from course.planning.worlds import EDGE
 
 Array = NDArray[np.float64]
 STEP = 2.6  # of the planner, the longest edge [rad]
-PLAIN, SLIM = 0.05, 0.02  # the spacing [rad] and the swelling with which plans are made
+PLAIN = 0.05  # spacing at which the swelling is varied [rad]
 
 
 def edges(world: World, number: int, seed: int) -> tuple[Array, Array]:
@@ -63,17 +61,15 @@ def batch_edges(
     timed: int = 60,
     spacings: Sequence[float] = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0),
     swells: Sequence[float] = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8),
-    queries: int = 30,
     repeats: int = 9,
 ) -> Iterator[Panel]:
-    """Chart the time of an edge check in batches, what it gets wrong, and the time of a plan.
+    """Chart the time of an edge check in batches, and what it gets wrong.
 
     Args:
         number: of edges whose verdicts are compared.
         timed: of free and of colliding edges that are timed.
         spacings: of points along an edge [rad].
         swells: of the spheres.
-        queries: of the arm at each shelf.
         repeats: rounds of the timing.
     """
     world = planning.shelf("open").world
@@ -129,43 +125,4 @@ def batch_edges(
             panel.series.append(Series(label, np.array(x)[y > 0.0], y[y > 0.0], note=note))
         else:
             panel.notes.append(note)
-    yield panel
-
-    panel = Panel("Median plan", "milliseconds", xlim=(0.0, None), footer=footer)
-    labels, middles = [], []
-    for name in ("open", "tight"):
-        requested = planning.shelf(name)
-        batch = in_batches(requested.world, PLAIN, SLIM)
-        certain = certified(requested, queries, 0)[0]
-        # Spheres are larger than the arm, so some postures between the boards are none for them.
-        known = [ends for ends in certain if all(state_free(batch, q) for q in ends)]
-        panel.notes.append(
-            f"{name} shelf: {queries - len(known)} of {queries} queries begin or end in collision "
-            "for the spheres, and are left out for all"
-        )
-        checkers = {
-            "proof": requested.world,
-            "batches": batch,
-            "one by one": one_by_one(batch),
-        }
-        for label, checker in checkers.items():
-            spent, solved, wrong = [], 0, 0
-            alone(plan, checker, *known[0])  # compiles
-            for k, query in enumerate(known):
-                result, share_ = alone(
-                    lambda w, q, s: plan(w, *q, rng=s, **BOTH), checker, query, k
-                )
-                spent.append(1e3 * share_ * result.seconds if result.solved else np.inf)
-                solved += result.solved
-                if result.path is not None and k % 3 == 0:
-                    wrong += not planning.check_path(requested.world, result.path, *query)
-            middle = float(np.median(spent))
-            labels.append(f"{name}, {label}")
-            middles.append(middle)
-            panel.notes.append(
-                f"plan, {name} shelf, {label}: median {middle:.2f} ms, "
-                f"slowest {max(spent):.1f}; {solved} of {len(known)} solved, "
-                f"{wrong} of every third path collide"
-            )
-    panel.series.append(Series("", middles, labels, style="bar"))
     yield panel

@@ -121,12 +121,12 @@ def narrow_passages(
 ) -> Iterator[Panel]:
     """Chart a passage of a tenth, by dimension: what one pair sees, and what RRT-Connect needs.
 
-    A slab is bounded in one direction, a tube in all, a cube is a tube as long as it is wide. The
+    A slab is bounded in one direction, a hole in all, a tunnel is a hole as long as it is wide. The
     medians come with their quartiles, as the spread over seeds is wider than most differences.
     """
     rng = np.random.default_rng(0)
     one = Panel(
-        "A uniform pair sees through a slab in any dimension, through a tube in few",
+        "A uniform pair sees through a slab in any dimension, through a hole in few",
         "dimension",
         "probability that a pair is joined",
         scale="log y",
@@ -139,8 +139,8 @@ def narrow_passages(
     )
     kinds: list[tuple[str, Callable[[Any], Any], float]] = [
         ("slab", lambda n: 1, 1e-6),
-        ("tube", lambda n: n - 1, 1e-6),
-        ("cube", lambda n: n - 1, width),
+        ("hole", lambda n: n - 1, 1e-6),
+        ("tunnel", lambda n: n - 1, width),
     ]
     for name, bounds, deep in kinds:
         observed, result = [], {"": list[Array](), ", OMPL": list[Array]()}
@@ -166,10 +166,10 @@ def narrow_passages(
         law = [pair_joined(width, bounds(n)) for n in dims]
         # In standard errors of a binomial share.
         deviation = (np.array(observed) - law) / np.sqrt(np.array(law) / pairs)
-        theory = None if name == "cube" else lambda n, b=bounds: pair_joined(width, b(n))
+        theory = None if name == "tunnel" else lambda n, b=bounds: pair_joined(width, b(n))
         message = (
             ""
-            if name == "cube"
+            if name == "tunnel"
             else f"; off by {np.abs(deviation).max():.1f} standard errors at most"
         )
         one.series.append(
@@ -197,6 +197,8 @@ def narrow_passages(
                     + ", ".join(f"{m:.0f} ({a:.0f} to {b:.0f})" for a, m, b in rows),
                 )
             )
+    # The planner's own curves first: so an opening has one colour in both panels.
+    need.series.sort(key=lambda series: series.hollow)
     yield from (one, need)
 
 

@@ -158,13 +158,11 @@ def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 
     bare_times = 2 * np.array(spent["ours"]) - np.array(spent.pop("ours twice"))
     middle = {name: float(np.median(result)) for name, result in spent.items()}
     name = questions[0].name
-    ratio = middle["OMPL, Python states"] / middle["ours"]
-    wrong = rejected["OMPL, Python states"] / len(spent["OMPL, Python states"])
     # A single sample: what a call costs before any search.
     door = np.median([ours(q, k, budget=1).seconds for k, q in enumerate(questions, 1)])
     bare = 1e3 * float(np.median(bare_times)), 1e3 * middle["OMPL's own part"]
     panel = Panel(
-        f"{name}: OMPL with Python states takes {ratio:.0f} times as long, {wrong:.0%} collide",
+        name,
         "seconds for a plan",
         "share of plans with a free path",
         scale="log x",
@@ -454,5 +452,5 @@ def path_quality(
                 note=f"pick: {name} at {value}, {1e3 * spent:.3g} ms",
             )
         )
-        panel.title = f"{scene.name}: first is {name}"
+        panel.title = f"{scene.name}: fastest within {tolerance:.0%}:\n{name}"
         yield panel
