@@ -1269,12 +1269,12 @@ table(
 # at the 2 % gap. The curve *OMPL's own part* omits the time inside our edge check, but not the cost of calling it from
 # C++. At the 2 % gap even this part takes longer than our whole plan in the median; we did not measure why.
 #
-# The last two columns change two things at once: the check runs in Python, and it tests points instead of whole edges.
-# So they don't show what Python alone costs. At OMPL's default spacing, 1 % of the diagonal of the space, some of the
-# returned paths are in collision. (The curve *OMPL, Python, 0.2%* has a fifth of that spacing.)
+# In the last two columns of the table, two things change at once: the check runs in Python, and it tests points instead
+# of whole edges. So they don't show what Python alone costs. At OMPL's default spacing, 1 % of the diagonal of the
+# space, some of the returned paths are in collision. (The curve *OMPL, Python, 0.2%* has a fifth of that spacing.)
 #
-# In every scene, the choice of the check changed the time more than the choice between these two planners. So use the
-# library, which is maintained and offers many planners, and spend your effort on the edge check.
+# In all scenes but the 2 % gap, the choice of the check changed the time far more than the choice between these two
+# planners. So use the library, which is maintained and offers many planners, and spend your effort on the edge check.
 #
 # <details><summary>Samples of both planners, and the seven-joint arm in detail</summary>
 #
