@@ -335,7 +335,7 @@ def _solve(table, target, starts, method, damping, near, turn, at_most, rank):
             if distance <= near and angle <= turn:
                 reason = _SOLVED
             elif reason < 0:
-                # No step helps. Why: a joint at its limit, a lost rank, or else a local minimum.
+                # No step helps. Why: a joint at its limit, a lost rank, or too little progress.
                 reason = _STUCK
                 if stops > 0:
                     reason = _LIMIT
@@ -387,10 +387,10 @@ class IKResult:
         q: the best posture found, within the limits, (n,) or (n, N).
         success: whether the tip is there, by forward kinematics at q.
         reason: "solved"; "unreachable": the target is farther from the base than the arm can
-            stretch, or nearer than it can fold; "stuck": no step helps though the Jacobian has its
-            full rank, as at a local minimum, so another start may succeed; "singularity": no step
-            helps and the Jacobian has lost rank; "limit": no step helps and a joint is held at its
-            limit; "iterations": they ran out. That of the best posture.
+            stretch, or nearer than it can fold; "stuck": no step helps, or several steps in a row
+            gain too little, though the Jacobian has its full rank, so another start may succeed;
+            "singularity": the same, and the Jacobian has lost rank; "limit": the same, and a joint
+            is held at its limit; "iterations": they ran out. That of the best posture.
         distance, angle: from the tip at q to the target [m, rad].
         iterations: steps of all starts together.
         starts: how many were used.

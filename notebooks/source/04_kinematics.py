@@ -147,13 +147,13 @@ show("fk_is_a_product")
 # **Worked example.** Take $l_1 = 1$ m, $l_2 = 0.8$ m, $q_1 = 30°$ and $q_2 = 60°$, the posture in the drawing. The
 # second link points straight up, at $30° + 60° = 90°$. So $x = 0.866 + 0 = 0.866$ m and $y = 0.5 + 0.8 = 1.3$ m.
 #
-# Always ask how an angle is measured. The sensor of an angle is called an **encoder**. If the elbow's motor sits in the
-# base and drives the second link through a belt, its encoder measures from the $x$ axis (the orange arc). Then write
-# $q_2$ where the formula has $q_1+q_2$.
+# Always ask how an angle is measured. The sensor of an angle is called an **encoder**. If the elbow's motor sits in
+# the base and drives the second link through a belt over equal pulleys, its encoder measures from the $x$ axis (the
+# orange arc). Then write $q_2$ where the formula has $q_1+q_2$.
 #
-# The same product works in space. From here on, our larger example is an arm with seven revolute joints, a **7-R arm**,
-# with the dimensions of the Franka Panda. The course stores a pose as seven numbers, a position and a unit quaternion.
-# The cell multiplies these transforms and compares the result with the library function `tip`:
+# The same product works in space. From here on, our larger example is an arm with seven revolute joints, a **7-R
+# arm**, with the dimensions of the Franka Panda. The course stores a pose as seven numbers, a position and a unit
+# quaternion. The cell compares this product with the library function `tip`:
 
 # %% tags=["show-code"]
 arm = panda()
@@ -171,8 +171,6 @@ more_claims("two_link_position")
 
 # %% [markdown]
 # ### Denavit-Hartenberg parameters and the product of exponentials
-#
-# Three descriptions say where the joints are.
 #
 # **Homogeneous transforms** place each joint's frame with six numbers. URDF robot files use them (with an axis
 # direction in addition), and so does this course's `Chain`.
@@ -312,14 +310,13 @@ plt.show()
 # </details>
 #
 # If a transform $T = (R, p)$ displaces an axis, the **adjoint** of $T$ turns the twist about the old axis into the
-# twist about the new one. (The same matrix rewrites a twist in the axes of another frame.)
+# twist about the new one. (The same matrix rewrites a twist in another frame.)
 #
 # $$\mathrm{Ad}_T = \begin{pmatrix} R & 0 \\ [p]\,R & R \end{pmatrix} .$$
 #
-# The joints before joint $i$ displace its axis by $T_{i-1} = e^{[S_1]q_1}\cdots e^{[S_{i-1}]q_{i-1}}$. So the twist of
-# joint $i$ becomes $S_i' = \mathrm{Ad}_{T_{i-1}} S_i = (\omega_i, v_i)$. A body with this twist moves its point at $p$
-# with the velocity $v_i + \omega_i\times p$. The cell checks tip and velocities for both arms, the two links of the
-# drawing and the 7-R arm:
+# The joints before joint $i$ displace its axis by $T_{i-1} = e^{[S_1]q_1}\cdots e^{[S_{i-1}]q_{i-1}}$. So the twist
+# of joint $i$ becomes $S_i' = \mathrm{Ad}_{T_{i-1}} S_i = (\omega_i, v_i)$. A body with this twist moves its point at
+# $p$ with the velocity $v_i + \omega_i\times p$. The cell checks tip and velocities for both arms:
 
 # %% tags=["show-code"]
 from scipy.linalg import expm
@@ -529,12 +526,11 @@ plt.show()
 #
 # **Worked example.** Target $(0.866, 1.3)$ m: $r^2 = 2.44$, so $\cos q_2 = (2.44 - 1 - 0.64)/1.6 = 0.5$ and $q_2 =
 # \pm60°$. For $q_2 = 60°$, $q_1 = 56.33° - 26.33° = 30°$. For $q_2 = -60°$, $q_1 = 56.33° + 26.33° = 82.66°$.
-# Always check the result with forward kinematics.
 #
-# Two bugs are common in this formula. Near the edges of the annulus, arccos loses half of its digits. And if rounding
-# or a target out of reach pushes its argument beyond 1, people clamp it to $[-1, 1]$ and silently return a posture
-# that misses the target. The library uses another formula, shown in section 3, and reports whether the target was
-# reached:
+# Two bugs are common in this formula. Near the edges of the annulus, arccos costs $q_2$ half of its digits, even if
+# $r$ is exact. And if rounding or a target out of reach pushes its argument beyond 1, people clamp it to $[-1, 1]$
+# and silently return a posture that misses the target. The library uses another formula, shown in section 3, and
+# reports whether the target was reached:
 
 # %% tags=["hide-code"]
 for name, r in (
@@ -546,15 +542,14 @@ for name, r in (
     exact = two_link_ik(lengths, (r, 0.0))
     (a, b), (c, d) = exact.q.round(3).T + 0.0
     print(
-        f"{name:<12} r = {r:.3f} m: {'reached' if exact.reached else 'missed':<7} "
+        f"{name:<12} ({r:.3f}, 0) m: {'reached' if exact.reached else 'missed':<7} "
         f"({a:6.3f}, {b:6.3f}) and ({c:6.3f}, {d:6.3f}) rad, off by {exact.distance:.3f} m"
     )
 
 # %% [markdown]
-# On each edge the two solutions merge into one. (Equal links have no hole. Folded, they reach the base in every
-# direction.) In the simulation, the dashed arms are the exact solutions. In the still the target is out of reach, and
-# both are hidden by the stretched arm. The tip glows red when it is close to the edge. Drag the target inside, and the
-# two dashed arms separate.
+# On each edge the two solutions merge into one.  In the simulation, the dashed arms are the exact solutions. In the
+# still the target is out of reach, and both are hidden by the stretched arm. The tip glows red when it is close to
+# the edge. Drag the target inside, and they separate.
 
 # %%
 simulation("arm", "Target out of reach")
@@ -575,14 +570,15 @@ more_claims("number_of_solutions")
 # Stretch your arm and try to push your hand straight outwards. It can't move in that direction, whatever your joints
 # do.
 #
-# Take all joint velocities $\dot q$ of length at most one. The tip velocities that they produce fill an ellipse (with
-# more dimensions, an ellipsoid). Its half axes are the **singular values** $s_{\max}\ge\dots\ge s_{\min}$ of $J$. The
-# **singular value decomposition** $J = U\,\mathrm{diag}(s)\,V^\mathsf{T}$ pairs a direction of joint motion (a column
-# of $V$) with a direction of the tip (a column of $U$), and $s$ is the speed of the tip per joint speed. Conversely, a
-# small motion of the tip in that direction costs $1/s$ radians per metre.
+# Take all joint velocities $\dot q$ of length at most one. The tip velocities that they produce fill an ellipse, the
+# green one in the simulation (with more dimensions, an ellipsoid). Its half axes are the **singular values**
+# $s_{\max}\ge\dots\ge s_{\min}$ of $J$. The **singular value decomposition** $J = U\,\mathrm{diag}(s)\,V^\mathsf{T}$
+# pairs a direction of joint motion (a column of $V$) with a direction of the tip (a column of $U$), and $s$ is the
+# speed of the tip per joint speed. Conversely, a small motion of the tip in that direction costs $1/s$ radians per
+# metre.
 #
 # A posture where the smallest singular value is zero is a **singularity**: the ellipse is flat, $J$ loses rank, and
-# the tip cannot move in one direction.
+# the tip has lost at least one direction.
 #
 # The drawing shows the half axes at 0.4 of their length, in m/rad:
 
@@ -620,10 +616,10 @@ show("singular_stretched_or_folded")
 
 # %% [markdown]
 # Two numbers measure how close a posture is to a singularity. The **manipulability** $\sqrt{\det JJ^\mathsf{T}}$
-# (Yoshikawa 1985) is the product of all singular values, because $\det JJ^\mathsf{T} =
-# \det(U\,\mathrm{diag}(s^2)\,U^\mathsf{T})$. Scale an arm down, and its manipulability shrinks in every posture. The
-# **condition number** $s_{\max}/s_{\min}$ is the ratio of the largest to the smallest. For position rows alone it
-# doesn't depend on the size of the arm. With rotation rows it has a weakness.
+# (Yoshikawa 1985) is the product of all singular values (with at least as many joints as rows), because $\det
+# JJ^\mathsf{T} = \det(U\,\mathrm{diag}(s^2)\,U^\mathsf{T})$. Scale an arm down, and its manipulability shrinks in
+# every posture. The **condition number** $s_{\max}/s_{\min}$ is the ratio of the largest to the smallest. For
+# position rows alone it doesn't depend on the size of the arm. With rotation rows it has a weakness.
 
 # %%
 predict("millimetres")
@@ -637,9 +633,9 @@ print(f"{'condition number, position rows only':<48}: {np.linalg.cond(J[:3]):7.1
 
 # %% [markdown]
 # Metres and radians have no common scale, so you first have to choose a **characteristic length** that converts
-# between them, and state it. A better question is how fast the tip can move in its worst direction. Take the rows of
-# $J$ that you care about, and their $s_{\min}$. If the norm of the joint velocities is at most $\dot q_{\max}$, the
-# tip reaches $s_{\min}\,\dot q_{\max}$ metres per second in its worst direction.
+# between them, and state it. A better question is how fast the tip can move in its worst direction. Take the position
+# rows of $J$, and their $s_{\min}$. If the norm of the joint velocities is at most $\dot q_{\max}$, the tip reaches
+# $s_{\min}\,\dot q_{\max}$ metres per second in its worst direction.
 
 # %%
 show("condition_above_hundred")
@@ -662,9 +658,9 @@ more_claims("condition_is_a_product", "condition_needs_a_length")
 # v\rvert$, an axis times an angle (zero where $\vec v = 0$). Stack the two errors, position on top. Both are in world
 # axes, like the rows of the geometric Jacobian.
 #
-# **The step.** Split the error into components along the columns $u_k$ of $U$. A component along $u_k$ turns the joints
-# along $v_k$, the column of $V$ that belongs to it. The **gain** [rad/m] is the turn per metre of error. The methods
-# differ only in their gain at a singular value $s$:
+# **The step.** Split the error into components along the columns $u_k$ of $U$. A component along $u_k$ turns the
+# joints along $v_k$, the column of $V$ that belongs to it. The **gain** is the turn per error (for position rows in
+# rad/m). The methods differ only in their gain at a singular value $s$:
 #
 # | step | $\Delta q$ | gain at $s$ |
 # |---|---|---|
@@ -732,8 +728,8 @@ show("damping_is_free")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** The pseudo-inverse is dangerous near a singularity. Exactly at it, the lost direction has gain 0,
-# if the code treats a tiny $s$ as zero. Damping limits each step to $1/(2\lambda)$ times the error. In exchange, each
-# step leaves a part of the error in every direction.
+# if the code treats a tiny $s$ as zero. Constant damping limits each step to $1/(2\lambda)$ times the error, but
+# leaves a part of the error in every direction.
 #
 # </div>
 #
@@ -745,10 +741,10 @@ show("damping_is_free")
 #
 # ### Redundancy and the null space
 #
-# Put your palm flat on the table and move your elbow up and down. The hand stays where it is, because your arm has one
-# joint more than the task needs. This is **redundancy**: with one joint more than task dimensions the solutions of IK
-# form a curve, with two more a surface. Joint velocities that do not move the tip, $J\,\dot q = 0$, are the
-# **null space** of $J$.
+# Put your palm flat on the table and move your elbow up and down. The hand stays where it is, because your arm has
+# one joint more than the task needs. This is **redundancy**: with one joint more than task dimensions the solutions
+# of IK in general form a curve, with two more a surface. Joint velocities that change nothing in the task, $J\,\dot q
+# = 0$, are the **null space** of $J$.
 #
 # You can use this freedom for a **secondary objective**, such as staying away from an obstacle. Call the joint step
 # that it prefers $\Delta q_0$. The **projector** $N$ removes the part that would move the tip:
@@ -793,9 +789,9 @@ plt.show()
 predict("tip_in_the_null_space")
 
 # %% [markdown]
-# The green ball is the elbow, with its path. The orange arrows are the target frame of the hand; the black ones, drawn
-# on top, are its present frame. The number *off by one step / h²* is the motion of the hand in one step, divided by
-# $h^2$. It hardly changes when you change $h$, but it does depend on the posture.
+# The green ball is the **elbow**, the origin of joint 4, with its path. The orange arrows are the target frame of the
+# hand; the black ones, drawn on top, are its present frame. The number *off by one step / h²* is the motion of the
+# hand in one step, divided by $h^2$. It hardly changes when you change $h$, but it does depend on the posture.
 
 # %%
 simulation("elbow")
@@ -848,8 +844,12 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 # In an arm like the Panda, the first three axes meet in a point, the **shoulder**, and axes 5 and 6 in another one,
 # the **wrist**. Then you can compute points on the curve of solutions without iterating (He and Liu 2021): choose the
 # angle of joint 7, and the other six angles follow in closed form. There are up to eight postures for each angle.
-# Along the curve, the triangle of shoulder, elbow and wrist turns about the line from shoulder to wrist. How far it is
-# turned is the **swivel angle**, zero with the elbow straight above the line.
+# Shoulder, elbow and wrist form a triangle. Its turn about the line from shoulder to wrist is the **swivel angle**,
+# zero with the elbow straight above the line.
+#
+# Along the curve, this triangle turns rigidly only if axes 5, 6 and 7 meet in one point, because then the wrist stays
+# where it is. The Panda's wrist is 88 mm from axis 7 and circles around it. So the line from shoulder to wrist moves,
+# its length changes, and joint 4 turns too.
 #
 # <details><summary>Derive it: from the angle of joint 7 to eight postures</summary>
 #
@@ -872,9 +872,9 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 # the right, two methods look for one posture within the limits for each of many poses, in one call. The closed form
 # tries some angles of joint 7. The search, Levenberg-Marquardt, tries random starts.
 #
-# Our closed form computes all its angles for every pose, so its time grows with their number. The search stops at its
-# first success, so more starts cost little. If one pose in a hundred may stay without an answer, the closed form is
-# faster; at one in a thousand both take the same time; below that, the search is faster.
+# Our closed form does not stop at its first success: it computes all its angles for every pose. The search does stop,
+# so more starts cost little. If one pose in a hundred may stay without an answer, our closed form is faster; at one
+# in a thousand both take the same time; below that, the search is faster.
 #
 # The closed form has two more advantages. For each angle of joint 7 that you try, it returns all postures or proves
 # that there is none. And its only error is rounding.
@@ -919,7 +919,7 @@ predict("elbow_accelerates")
 # for the first link, $(1, 1)$ for the second. A uniform rod has $I = m\,l^2/12$ about its centre. **Worked example:**
 # if only the elbow turns, the centre of the second rod moves at $l_2/2$, so $M_{22} = m_2(l_2/2)^2 + m_2l_2^2/12 =
 # m_2l_2^2/3$. With 0.8 kg and 0.8 m that is 0.17 kg m². If only the shoulder turns with the arm stretched (and $m_1 =
-# 1$ kg), $M_{11} = \tfrac13 + 0.8\cdot1.4^2 + 0.04 = 1.94$ kg m²; folded back it is only 0.66 kg m².
+# 1$ kg), $M_{11} = \tfrac13 + 0.8\cdot1.4^2 + m_2l_2^2/12 = 1.94$ kg m²; folded back it is only 0.66 kg m².
 
 # %% tags=["hide-code"]
 bends = np.linspace(-np.pi, np.pi, 181)
@@ -942,20 +942,25 @@ plt.show()
 # |---|---|---|---|
 # | **recursive Newton-Euler** (RNEA) | $\tau$ | velocities and accelerations outwards, forces inwards | $O(n)$ |
 # | **composite rigid body** (CRBA) | $M$ | treat all links beyond a joint, towards the tip, as one rigid body | $O(n^2)$ |
-# | **articulated body** (ABA) | $\ddot q$ | velocities outwards; inwards, inertia and force of each link if the joints beyond it give way; accelerations outwards | $O(n)$ |
+# | **articulated body** (ABA) | $\ddot q$ | velocities outwards; inwards, the inertia of each link with the joints beyond it free to move, and its force without acceleration; accelerations outwards | $O(n)$ |
 #
-# RNEA in words. *Outwards from the base*: a link's angular velocity is that of its parent plus $\dot q_i z_i$.
-# Differentiate this for the angular acceleration $\alpha$. Relative to its (revolute) joint, a point of the link at $r$
-# accelerates by $\alpha\times r + \omega\times(\omega\times r)$. Use this for the next joint, and for the acceleration
-# $a_c$ of the centre of mass. The link needs the force $m\,a_c$ and the torque $I\alpha+\omega\times I\omega$.
+# RNEA in words. *Outwards from the base*: a link's angular velocity is that of its parent plus $\dot q_i z_i$. For
+# the angular acceleration $\alpha$, differentiate both factors: add $\ddot q_i z_i + \omega\times\dot q_i z_i$.
+# Relative to its (revolute) joint, a point of the link at $r$ accelerates by $\alpha\times r +
+# \omega\times(\omega\times r)$. Use this for the next joint, and for the acceleration $a_c$ of the centre of mass.
+# The link needs the force $m\,a_c$ and, about its centre of mass, the torque $I\alpha+\omega\times I\omega$.
 #
 # *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. The link's own
 # force acts at its centre of mass, the passed-on one at the next joint. Each force $f$, at $r$ from this joint, adds
 # the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest. For gravity, let
 # the base accelerate upwards at $g$.
 #
-# **Worked example.** Hold both rods out horizontally. The elbow carries 0.8 kg at 0.4 m: $0.8\cdot9.81\cdot0.4 = 3.1$
+# <details><summary>Worked example: both rods held out horizontally</summary>
+#
+# The elbow carries 0.8 kg at 0.4 m: $0.8\cdot9.81\cdot0.4 = 3.1$
 # N m. The shoulder carries 1 kg at 0.5 m and 0.8 kg at 1.4 m: $9.81\,(0.5 + 1.12) = 15.9$ N m.
+#
+# </details>
 #
 # The three algorithms must agree:
 
@@ -972,9 +977,9 @@ held = kinematics.inverse_dynamics(free, q, rest, rest)
 print("torques that only hold the arm up [N m]:", listed(held))
 
 # %% [markdown]
-# A falling arm without motors and friction conserves its energy, so with RK4 from chapter 1 the drift must fall by
-# about $2^4 = 16$ or more when the step is halved. An error in the bias $h$ that changes the energy does not shrink
-# with the step:
+# A falling arm without motors and friction conserves its energy, so with RK4 from chapter 1 the drift must be divided
+# by at least about $2^4 = 16$ when the step is halved. An error in the bias $h$ that changes the energy does not
+# shrink with the step:
 
 # %% tags=["hide-code"]
 fall = rigid_body.System("arm", kinematics.acceleration, kinematics.pack(free), q, v)
@@ -993,17 +998,18 @@ more_claims("articulated_bodies_lose_fewer_digits")
 # ### Identification: what can torques tell about the masses?
 #
 # Each link has ten inertial numbers: its mass, three first moments (mass times centre of mass), and six second
-# moments. Without friction, torques are *linear* in all of them: $\tau = Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$
-# is the **regressor**. So you can move the arm, record torques, and fit $\theta$ by least squares. But some numbers
-# never show. The first axis of our arm is vertical, so the weight of the first link never loads the motor, and of its
-# inertia only the part about that axis counts.
+# moments about the origin of its frame (not about its centre of mass). Apart from friction, torques are *linear* in
+# all of them: $\tau = Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$ is the **regressor**. So you can move the arm,
+# record torques, and fit $\theta$ by least squares. But some numbers never show. The first axis of our arm is
+# vertical, so the weight of the first link never loads the motor, and of its inertia only the part about that axis
+# counts.
 
 # %%
 show("torques_tell_ten_numbers")
 
 # %% [markdown]
-# We simulated the torques of 60 random motions without friction, added noise, fitted $\theta$, and predicted the
-# torques of new motions:
+# We sampled 60 random states (positions, velocities and accelerations), computed their torques without friction,
+# added noise, fitted $\theta$, and predicted the torques of new states:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -1030,18 +1036,17 @@ print(
 print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]:.2f} kg")
 
 # %% [markdown]
-# The fit predicts torques to less than the noise, although it doesn't know the mass of the first link. The
-# combinations that can be identified are the **base parameters** (Khalil and Dombre 2002). As long as the base stays
-# mounted as it is, a controller needs only these, and friction. Friction is often the largest part of what is missing
-# on a real arm, so fit its parameters too, with motions in which all of them show. Chapter 8 fits both for two links.
+# The fit predicts torques to less than the noise. The mass of the first link never shows, so the minimum-norm
+# solution sets it to zero. The combinations that can be identified are the **base parameters** (Khalil and Dombre
+# 2002). As long as the base stays mounted as it is, a controller needs only these, and friction. On a real arm
+# friction is often the largest missing part, so fit it too. Chapter 8 fits both for two links.
 #
 # ## 2 · Design: three levels and their rates
 #
 # ### Task space, joint space, actuators
 #
-# A command such as "put the cup there" passes through three levels before a current flows. Task space contains poses,
-# joint space angles, actuator space torques and currents. Feedback runs on each level, one control loop inside the
-# other.
+# A command such as "put the cup there" passes through three levels before a current flows. Feedback runs on each
+# level, one control loop inside the other.
 #
 # **The inner loop must be fast compared with the loop that closes around it.** The outer loop can then assume that its
 # commands are executed at once. Fast means a high **bandwidth**: the highest frequency of commands that the loop still
@@ -1096,10 +1101,10 @@ print("actuator space:", listed(torques), "N m")
 # ### Where to solve inverse kinematics
 #
 # You can solve IK *once*, for the goal, and let a planner find a path in joint space. Or you can solve at every tick
-# for a velocity, with damping: $\dot q = J^+(\dot x + k\,e)$. That is **resolved rate** control (Whitney 1969).
-# Without the term $k\,e$, which feeds back the position error, small errors would add up. Far from singularities the
-# tip then stays close to its target, and a tick costs little. But it doesn't look ahead: it may run into a joint limit
-# or a singularity.
+# for a velocity: $\dot q = J^\mathsf{T}(JJ^\mathsf{T}+\lambda^2I)^{-1}(\dot x + k\,e)$, with the damped inverse
+# instead of $J^+$. That is **resolved rate** control (Whitney 1969, then without damping). Without the term $k\,e$,
+# which feeds back the position error, small errors would add up. Far from singularities the tip then stays close to
+# its target, and a tick costs little. But it doesn't look ahead: it may run into a joint limit or a singularity.
 #
 # A third approach plans points of the tip and solves IK for each of them. If the joints are interpolated in between,
 # the tip leaves the straight line, and two neighbouring solutions may lie on different branches. If you solve IK all
@@ -1119,8 +1124,9 @@ show("tip_plans_need_joints")
 #
 # $$\tan^2\frac{q_2}{2} = \frac{(r_{\max}-r)(r_{\max}+r)}{(r-r_{\min})(r+r_{\min})} .$$
 #
-# At the edges of the annulus this loses none of the digits of $r$, because $r$ is subtracted before anything is
-# squared. The arccosine loses half of them there, and so would this formula with differences of squares.
+# At the edges of the annulus $q_2$ itself is sensitive: in *any* formula, a rounding error of $10^{-16}$ m in $r$
+# moves it by about $10^{-8}$ rad. This formula adds no second error of that size, because it subtracts $r$ before it
+# multiplies. The arccosine adds one even if $r$ is exact.
 
 # %%
 source(kinematics.two_link.branches)
@@ -1139,12 +1145,13 @@ source(kinematics.null_space)
 
 # %% [markdown]
 # With these functions a basic IK loop takes only a few lines. It is the loop that most people write first, with half
-# of a damped step per iteration. The library's `ik` adds three things: it enforces joint limits, it restarts from
-# another posture when it gets stuck, and it says *why* it failed.
+# of a damped step per iteration. The library's `ik` takes Levenberg-Marquardt steps and adds three things: it
+# enforces joint limits, it restarts from another posture when it gets stuck, and it says *why* it failed.
 #
 # Only the reason *unreachable* is a proof: the target is farther from the base than the arm can stretch, or nearer
-# than it can fold. The other reasons say what stopped the best start: a joint at its limit (*limit*), a lost rank
-# (*singularity*), neither of these (*stuck*), or the number of steps (*iterations*).
+# than it can fold. (It still uses all starts, to return the nearest posture that it finds.) The other reasons only
+# say what stopped the best start: a joint at its limit (*limit*), a lost rank (*singularity*), steps that gain too
+# little at full rank (*stuck*), or the number of steps (*iterations*).
 
 # %%
 show("listing_reaches_its_target")
@@ -1200,9 +1207,6 @@ for attempt in (
 # 2. *Target out of reach*: what does the smallest value do? What changes with the pseudo-inverse?
 # 3. *Jump beside the singularity*: with the damped step, how does the largest gain depend on the damping?
 # 4. *The same arm in millimetres*: which numbers change when you choose metres?
-#
-# If the target is far, each step aims only a few centimetres ahead, so that the hand moves along a nearly straight
-# line.
 
 # %%
 simulation("arm")
@@ -1232,11 +1236,18 @@ predict("one_call_or_a_batch")
 figures(read("arm_throughput"), summary="Ratios of the times, one state and 10,000, with quartiles")
 
 # %% [markdown]
-# All three agree up to rounding. With one state per call, the course spends most of its time on checking arguments and
-# creating arrays. A batch shares this fixed cost: to the right of the crossing the course is faster. This is no
-# ranking of libraries. MuJoCo's two functions also do work that a bare arm doesn't need, such as looking for contacts,
-# and only the course's loop is compiled for the processor that it runs on. Pinocchio's batch calls close only a part
-# of the gap; we did not measure where the rest comes from.
+# All three agree up to rounding. (For one call per state, $N$ only counts the calls in a timed loop, which share the
+# time of starting it.) With one state per call, the course spends most of its time on checking arguments and creating
+# arrays. A batch shares this fixed cost: to the right of the crossing the course is faster. This is no ranking of
+# libraries, and we did not measure why our Jacobians slow down in large batches.
+#
+# <details><summary>What the comparison leaves open</summary>
+#
+# MuJoCo's two functions also do work that a bare arm doesn't need, such as looking for contacts, and only the
+# course's loop is compiled for the processor that it runs on. Pinocchio's batch calls close only a part of the gap.
+# We did not measure where the rest comes from.
+#
+# </details>
 #
 # ### Jacobians from finite differences
 #
@@ -1252,14 +1263,20 @@ predict("step_of_a_difference")
 
 # %%
 print_figures(
-    "jacobian_precision", "forward error", "central error", "complex step error", "autograd"
+    "jacobian_precision",
+    "forward error",
+    "central error",
+    "complex step error",
+    "autograd",
+    "analytic",
 )
 
 # %% [markdown]
-# The errors are differences from a complex step with $h = 10^{-100}$, which is exact up to rounding. Drawn against
-# $h$, the error of a difference is a V: the truncation error of the Taylor series shrinks with $h$, and the rounding
-# error grows with $1/h$. The **complex step** $\operatorname{Im} f(q + \mathrm{i}h)/h$ contains no subtraction, so $h$
-# can be tiny (Squire and Trapp 1998). It needs an $f$ made of analytic functions: no absolute value, no `atan2`.
+# The errors are differences from a complex step with $h = 10^{-100}$, which is exact up to rounding. So the complex
+# step is compared with itself, and below $10^{-15}$ the ranking means nothing. Drawn against $h$, the error of a
+# difference is a V: the truncation error of the Taylor series shrinks with $h$, and the rounding error grows with
+# $1/h$. The **complex step** $\operatorname{Im} f(q + \mathrm{i}h)/h$ contains no subtraction, so $h$ can be tiny
+# (Squire and Trapp 1998). It needs an $f$ made of analytic functions: no absolute value, no `atan2`.
 #
 # To *check* a Jacobian, use central differences with $h$ near the cube root of machine precision, about $10^{-5}$, and
 # expect agreement to about ten digits, not sixteen. (The times compare Python loops and PyTorch's *autograd* with a
@@ -1270,12 +1287,12 @@ print_figures(
 # The benchmark has ten thousand reachable poses of the 7-R arm, to be solved within the joint limits to a micrometre
 # and a microradian. The Python loops get only three hundred of them, so their uncertainty, shaded, is larger.
 #
-# The *usual loop* follows an example from Pinocchio's documentation, which shows how to call the library: a tenth of
-# each pseudo-inverse step, no limits, one start. *Clamped, 20 starts* adds joint limits and restarts. *Same with full
-# steps* also takes the whole step instead of a tenth. The course's compiled solver takes Levenberg-Marquardt steps. It
-# begins at random postures (*uniform starts*) or at the *nearest of a table* of random postures. *Our method in
-# Python* takes the same steps in a Python loop, with Pinocchio's functions. We did not measure an IK library such as
-# TRAC-IK. In the chart, every method is called for one pose at a time:
+# The *usual loop* follows an example from Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits,
+# one start. *Clamped, 20 starts* adds joint limits and restarts. *Same with full steps* also takes the whole step
+# instead of a tenth. The course's compiled solver takes Levenberg-Marquardt steps. It begins at random postures
+# (*uniform starts*) or at the *nearest of a table* of random postures. *Our method in Python* takes the same steps in
+# a Python loop, with Pinocchio's functions. We did not measure an IK library such as TRAC-IK. In the chart, every
+# method is called for one pose at a time:
 #
 # ![Share of poses solved against time per pose](../docs/charts/ik_success.png)
 
@@ -1283,12 +1300,14 @@ print_figures(
 show("converged_within_limits")
 
 # %% [markdown]
-# Every solution was checked with forward kinematics; none of our reported successes was wrong. Poses near a singular
-# posture of the shoulder, in the right-hand panel, are solved about as often and as fast as the others. For poses
-# beyond the reach the solver never reports success.
+# Every solution was checked with forward kinematics; none of our reported successes was wrong. The right-hand panel
+# has poses near a singular posture of the shoulder: axes 1 and 3 on one line, $q_3 = 90°$, $q_5 = 0$. With one pose
+# per call, they are solved about as often and as fast as the others. For poses beyond the reach the solver never
+# reports success.
 #
 # Three things make a method fast here: its steps, compiled code instead of Python, and the batch. The table separates
-# them. *A batch* is one call for all poses: 10,000 ordinary ones, or 1,000 near a singular posture.
+# them. *A batch* is one call for all poses, also on one core: 10,000 ordinary ones, or 1,000 near a singular posture.
+# So don't compare the columns of these two rows.
 
 # %% tags=["hide-code"]
 lines = [line for line in read("ik_success").splitlines() if "solved a second" in line]
@@ -1311,15 +1330,13 @@ Markdown("\n".join(table))
 figures(read("ik_success"), summary="Steps, starts, and poses solved per second")
 
 # %% [markdown]
-# Joint limits in every step and restarts decide *whether* a pose is solved. Full steps instead of tenths make the same
-# loop several times as fast. A start from the table saves steps, but its look-up costs time. It pays here only in the
-# large batch of ordinary poses, the last row.
+# Joint limits in every step and restarts decide *whether* a pose is solved. Full steps instead of tenths make the
+# same loop several times as fast. A start from the table saves steps, but its look-up costs time.
 #
 # ### Which step for which tolerance?
 #
-# Here are forty poses near a start. Every method runs for one to forty steps. Drag the tolerance, or move it with the
-# arrow keys. On each side a circle marks the cheapest run that meets it: the fewest steps on one side, the least time
-# on the other.
+# Every method runs for one to forty steps on forty poses near a start. Drag the tolerance, or move it with the arrow
+# keys. A circle marks the cheapest run that meets it, in steps on one side, in time on the other.
 
 # %% tags=["hide-code"]
 from course.measure.work_precision import Method, Result, measure
@@ -1360,9 +1377,9 @@ TradeOff(result)
 
 # %% [markdown]
 # Near the solution, the pseudo-inverse, the adaptive step and Levenberg-Marquardt about double the number of correct
-# digits in each step. In time, Levenberg-Marquardt is ahead here. That is our code, not the method: for this step it
-# solves a small linear system, for the others it computes singular values. With the same linear solver, a damped step
-# would cost about as much. (The points show the least of 15 times, the thin lines reach to the upper quartile.)
+# digits in each step. In time, Levenberg-Marquardt is ahead only because of our code: for this step it solves a small
+# linear system, for the others it computes singular values. (Points: the least of 15 times; thin lines: up to the
+# upper quartile.)
 #
 # The next chart compares an ordinary target with one exactly on the edge of the workspace of two links, where the
 # solution itself is singular:
@@ -1380,11 +1397,11 @@ print_figures("ik_residual", "A target on")
 #
 # ### Limits in every cycle: clip, scale, or solve a quadratic program?
 #
-# Section 1 stated the quadratic program for joint velocities. `bounded_velocity` solves it: it holds some joints at
-# their bounds, the **active set**, solves least squares for the others, and changes the set until that no longer
-# helps. Two cheaper remedies start from the damped pseudo-inverse: one *clips* each velocity on its own, the other
-# *scales* all by one factor. mink and pink solve the same program with a compiled solver. The hand of the 7-R arm
-# follows paths that the arm can follow within its limits. The target does not wait for the arm:
+# `bounded_velocity` solves the quadratic program of section 1: it holds some joints at their bounds, the **active
+# set**, solves least squares for the others, and changes the set until that no longer helps. Two cheaper remedies
+# start from the damped pseudo-inverse: one *clips* each velocity on its own, the other *scales* all by one factor.
+# mink and pink solve the same program with a compiled solver. (In the chart, *quadratic program* is our solver.) The
+# hand of the 7-R arm follows paths that the arm can follow within its limits. The target does not wait for the arm:
 #
 # ![Error of the hand against computing time, and against time on one path](../docs/charts/velocity_limits.png)
 
@@ -1392,15 +1409,22 @@ print_figures("ik_residual", "A target on")
 print_figures("velocity_limits", "clipped largest", "quadratic program", "mink:", "no limits:")
 
 # %% [markdown]
-# The bands are quartiles over the paths. The grey curve ignores the limits, so no real arm can follow it. Clipping
-# drops what the clipped joint should have contributed. In the program the other joints make up for it, as far as they
-# can. Scaling keeps the direction of the hand, but a single joint that stands at its position limit stops the whole
-# arm, while the target moves on. (If the target can wait, slow down the path instead.) The program is not perfect
-# either: it looks no further than one cycle, and may lead the arm to a limit that a planner would have avoided.
+# The bands are quartiles over the paths. The grey curve ignores the limits, so no real arm can move like this.
+# Clipping drops what the clipped joint should have contributed. In the program the other joints make up for it, as
+# far as they can. Scaling keeps the direction of the hand, but a single joint that would have to pass its position
+# limit stops the whole arm, while the target moves on. (If the target can wait, slow down the path instead.) The
+# program is not perfect either: it looks no further than one cycle, and may lead the arm to a limit that a planner
+# would have avoided.
+#
+# mink and pink take about half the time of our solver. The printed figures are for cycles of 5 ms.
+#
+# <details><summary>Do the solvers agree?</summary>
 #
 # With cycles of 20 ms or less the largest errors of mink, pink and our solver agree. At 50 ms theirs are smaller,
 # because they measure the error of a pose as one screw motion, we as a shift and a turn. (With their error our solver
-# agrees with them.) They also take about half the time of our solver. The printed figures are for cycles of 5 ms.
+# agrees with them.)
+#
+# </details>
 
 # %%
 more_claims("clipped_velocities")
@@ -1408,11 +1432,10 @@ more_claims("clipped_velocities")
 # %% [markdown]
 # ### When is a planar model enough to predict a motion?
 #
-# A planar two-link arm has closed forms for its kinematics and its equations of motion, so it is cheap to simulate.
-# Real arms are never perfectly planar.  Chapter 8's arm moves in
-# a level plane for one second, with both joints turning at the start and constant torques, without feedback. We
-# simulated the same second in three dimensions with MuJoCo: once with the base tilted, so that gravity pulls along the
-# plane, and once with the elbow's axis skewed. The chart shows how far apart the tips end:
+# A planar arm is cheap to simulate, but real arms are never perfectly planar. Chapter 8's arm moves in a level plane
+# for one second, with both joints turning at the start and constant torques, without feedback. We simulated the same
+# second in three dimensions with MuJoCo: once with the base tilted, so that gravity pulls along the plane, and once
+# with the elbow's axis skewed. The chart shows how far apart the tips end:
 #
 # ![Error of the planar arm against the tilt of its base and of its elbow axis](../docs/charts/two_links_enough.png)
 
@@ -1425,9 +1448,9 @@ figures(
 )
 
 # %% [markdown]
-# The tolerance is a tenth of the target's radius in the reaching task of chapter 8. Each fault was varied alone; their
-# errors can add up. These limits hold for a prediction without feedback. For a controller that feeds back the joint
-# angles, a small tilt is only a small disturbance torque.
+# The tolerance is a tenth of the target's radius in the reaching task of chapter 8. Each fault was varied alone;
+# their errors can add up. These limits hold without feedback. For a controller that feeds back the joint angles, a
+# small tilt is only a small disturbance torque.
 #
 # ### What to pick
 #
@@ -1435,7 +1458,8 @@ figures(
 #   the closed form. It returns all solutions, without iterations and without a start.
 # * *Following a path, at every tick*: one or two damped or adaptive steps from the last posture, checked by forward
 #   kinematics. With hard limits, a quadratic program.
-# * *Seven joints arranged like the Panda's*: the closed form at a few angles of the last joint, or the search below.
+# * *Seven joints arranged like the Panda's*: the closed form at a few angles of the last joint, or the search of the
+#   next line.
 # * *A single pose without a previous solution*: Levenberg-Marquardt with joint limits and random restarts (in a batch,
 #   first from a table); with a time limit, and a reason when it fails.
 # * *Torques*: RNEA. *Simulation*: ABA, or CRBA and solving with $M$ for a short arm. *Tests*: each against
@@ -1450,10 +1474,11 @@ figures(
 # border (dashed), where $s/(s^2+\lambda^2) = w/v$, lies on the measured one. Its highest point is at $\lambda =
 # v/(2w)$, the dotted line: with this damping or more, no posture violates the limit.
 #
-# What does this damping cost? In the right-hand panel the tip is led past the hole around the base in points 2 mm
-# apart, with one damped step per point. Very weak damping adds no error, and strong damping makes the tip miss its
-# points by up to centimetres. In between the curves rise and fall, so measure the error on your own path. Here are the
-# three paths at $\lambda = v/(2w)$:
+# What does this damping cost? In the right-hand panel the folded arm is led past the hole around the base, one damped
+# step every 2 mm. (Even undamped, these paths stay below $w$.) Strong damping makes the tip miss its points by up to
+# centimetres. In between, the elbow decides. Undamped, it folds, turns back and opens on its old side. Close enough
+# to the hole, the damped elbow instead passes through the folded posture to the other side. Then joints stay slow and
+# errors small, as on the 0.1 mm path at $\lambda = v/(2w)$:
 #
 # ![Joint speed against elbow bend and damping, and the tracking error that damping
 # costs](../docs/charts/damping_map.png)
@@ -1472,9 +1497,9 @@ for gap in (1e-2, 1e-3, 1e-4):
 # %% [markdown]
 # (Feedback of the position error can raise the commanded speed above $v$; then $\lambda$ must be larger.)
 #
-# This also explains the first question of this page. The arm is straight, so both columns of $J$ are perpendicular to
-# it, and the error lies along it: $J^\mathsf{T}e = 0$. Every step that starts from $J^\mathsf{T}e$, damped or not, is
-# zero:
+# The gains also explain the first question of this page. The arm is straight, so both columns of $J$ are
+# perpendicular to it. The error lies along the arm, in the lost direction, where $s = 0$ and all five gains are zero.
+# So all five steps are zero:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1556,10 +1581,11 @@ print_figures("null_space_step", "exact", "damped")
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *IK does not converge.* Test the code first: take a target that must work, forward kinematics of a
-# known posture, and start close by. Count the steps, and compare $J$ with central differences in any case. If the code
-# is right: Is the target reachable, within the reach *and the joint limits*? Does the solver succeed from twenty other
-# starts? Where it stops, how large is $s_{\min}$, for the rows that you care about?
+# **Debugging tip.** *IK does not converge.* Test the code first: take a target that must work, forward kinematics of
+# a known posture, and start close by. Count the steps, and compare $J$ with central differences in any case. If the
+# code is right: Is the target reachable, within the reach *and the joint limits*? Does the solver succeed from twenty
+# other starts? Is a joint at its limit where it stops? (If not, $s_{\min}$ does not tell whether the target is
+# reachable.)
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1594,7 +1620,7 @@ print_figures("null_space_step", "exact", "damped")
 # $1/s_{\min}$</td> <td>damp; slow down; plan around it in joint space</td></tr>
 # <tr><td>nothing moves, the error stays</td> <td>$J^\mathsf{T}e=0$: arm stretched, target along the arm</td>
 # <td>compare
-# $\lvert J^\mathsf{T}e\rvert$ with $\lvert e\rvert$</td> <td>bend the elbow a little; another start</td></tr>
+# $\lvert J^\mathsf{T}e\rvert$ with $s_{\max}\lvert e\rvert$</td> <td>bend the elbow a little; another start</td></tr>
 # <tr><td>convergence gets slower and slower</td> <td>constant damping, and a target on the edge</td> <td>the ratio of
 # successive errors approaches one</td> <td>Levenberg-Marquardt</td></tr>
 # <tr><td>convergence is slow everywhere, although FK is right</td> <td>$J$ is wrong (tool offset, frame of the
@@ -1766,8 +1792,8 @@ check(rnea_planar)
 # ### Silent-bug hunt
 #
 # An IK loop stops when forward kinematics agrees with the target. So its *pose* is right even if its Jacobian is
-# wrong. Here is an example. The **flange** is the plate at the end of the arm to which a tool is screwed. This loop
-# computes the Jacobian at the flange, although the tip of the tool is 35 cm away:
+# wrong. The **flange** is the plate at the end of the arm to which a tool is screwed. This loop computes the Jacobian
+# at the flange, although the tip of the tool is 35 cm away:
 
 # %%
 longer = replace(arm, tool=(0.0, 0.25, 0.107 + 0.25, 1.0, 0.0, 0.0, 0.0))
@@ -1868,7 +1894,7 @@ answer("damped_gain", "1/lambda")
 # %% [markdown]
 # ### Put it into your robot
 #
-# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+# Your graded answers are parts of the pick-and-place robot of `drills robot`:
 
 # %%
 your_robot(4)
@@ -1876,10 +1902,10 @@ your_robot(4)
 # %% [markdown]
 # ## 8 · Frontier: learned inverse kinematics
 #
-# A grasp planner needs *many* postures for one pose of the hand, so that it can pick one that avoids obstacles. And an
-# iterative solver needs fewer steps if it starts close to a solution. Could a network propose the starts? The simplest
-# competitor is a **lookup table**: sample random postures once, store the pose of the tip for each, and start from the
-# nearest stored poses. A k-d tree, a data structure for nearest neighbours, finds them quickly.
+# A grasp planner needs *many* postures for one pose of the hand, so that it can pick one that avoids obstacles. And
+# an iterative solver needs fewer steps if it starts close to a solution. Could a network propose the starts? The
+# simplest competitor is a **lookup table**: sample random postures once, store the pose of the tip for each, and
+# start from the nearest stored poses. A k-d tree finds them quickly.
 
 # %%
 predict("what_a_learned_start_must_beat")
@@ -1946,18 +1972,17 @@ figures(read("learned_seeds"), summary="Poses solved and solutions covered")
 # ten seconds, has no advantage over the table. A larger one might.
 #
 # **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it:
-# from a loss on a grasp or an image back to joint angles. What a gradient cannot do is move between separate branches
-# of solutions.
+# from a loss on a grasp or an image back to joint angles. Small gradient steps cannot move between separate branches.
 #
 # ## 9 · Interview
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** Asked about IK, state the step in one sentence and spend the minute on how it fails. Unreachable
-# targets: report the remaining error. Singularities: give the gain there and *close by*. Several solutions: the start
-# decides which one you get. Joint limits: enforce them in every step and restart when stuck. For seven joints, mention
-# the null space, and that it is only the tangent of the solution curve, so you project, step, and correct the hand.
-# Then say how you would test your Jacobian.
+# targets: report the remaining error. Singularities: give your step's gain there and *close by*. Several solutions:
+# the start decides which one you get. Joint limits: enforce them in every step. If stuck, restart; in a control loop,
+# report it. For seven joints, mention the null space, and that it is only the tangent of the solution curve, so you
+# project, step, and correct the hand. Then say how you would test your Jacobian.
 #
 # </div>
 #
@@ -1969,7 +1994,7 @@ interview("kinematics")
 # %% [markdown]
 # ### Checkpoint
 #
-# Five questions on this chapter, drawn by a seed.
+# Five questions, drawn by a seed.
 
 # %%
 checkpoint("kinematics", ["", "", "", "", ""], seed=1)

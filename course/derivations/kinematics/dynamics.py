@@ -234,7 +234,7 @@ def torques_tell_ten_numbers(result):
     torques = np.einsum("ijk,j->ik", regressor(arm, q, v, a), other)
     torques += arm.armature[:, None] * a + arm.damping[:, None] * v
     more = rank(rows(90))
-    result.statement = f"Rank of the regressor over 60 random motions; with 90 it is {more}."
+    result.statement = f"Rank of the regressor over 60 random states; with 90 it is {more}."
     result.statement_holds(observed == numbers)
     result.correction_holds(
         np.allclose(torques, inverse_dynamics(arm, q, v, a), atol=1e-9),
