@@ -255,9 +255,10 @@ SCENARIO = Scenario(
     name="policy",
     title="The policy works on its model and fails on the robot",
     prompt="An arm with one joint presses keys of different depths and widths. Its policy was "
-    "trained on a model of the arm, and on the model it presses every key in time. On the real "
-    "robot it presses fewer than half of them. You can read the program, but not the parameters of "
-    "the robot; you can only run the probes below. Each result is shown next to that on the model. "
+    "trained on a model of the arm, and on the model it presses every key in time and holds "
+    "it. On the real robot it presses and holds fewer than half of them. You can read the "
+    "program, but not the parameters of the robot; you can only run the probes below. Each result "
+    "is shown next to that on the model. "
     "Which parameter of the robot differs from the model, and what do you change?",
     symptom_words="fraction of keys pressed and held",
     unit="",
