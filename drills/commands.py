@@ -267,9 +267,12 @@ def report_result(
             if report.case:
                 file = "" if path == str(workspace.answer(session.work, card.name)) else path
                 where = f" --file {workspace.shown(Path(file))}" if file else ""
-                session.say(
-                    f"The case as code: drills check {card.name}{where} --seed {report.seed} --case"
-                )
+                command = f"drills check {card.name}{where} --seed {report.seed} --case"
+                lead = "The case as code:"
+                if len(f"{lead} {command}") > terminal.width:  # the command is on a line of its own
+                    session.say(lead)
+                    lead = " "
+                session.say(f"{lead} {command}")
             session.say(f"A hint: drills hint {card.name}")
         elif report.passed:
             session.say(f"The worked answer: drills solution {card.name}")

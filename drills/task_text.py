@@ -10,11 +10,12 @@ from typing import Any
 from drills.cards import Card, Hint
 from drills.plain_math import readable
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
-from drills.terminal import Terminal
+from drills.terminal import Terminal, wrapped
 
 STATE_WORDS = {NOT_ATTEMPTED: "not attempted", ATTEMPTED: "attempted", SOLVED: "solved"}
 STATE_SIGNS = {NOT_ATTEMPTED: "○", ATTEMPTED: "◐", SOLVED: "●"}
 _STATE_ASCII = {NOT_ATTEMPTED: "[ ]", ATTEMPTED: "[/]", SOLVED: "[x]"}
+_PYTHON = re.compile(r"(```python\n)(.*?)(```)", re.S)
 _WHOLE = 400  # characters: an example is shown whole, unless its answer is large
 _STATE_STYLES = {NOT_ATTEMPTED: "dim", ATTEMPTED: "warn", SOLVED: "good"}
 
@@ -80,9 +81,72 @@ def markdown_lines(text: str, terminal: Terminal) -> list[str]:
         legacy_windows=False,
         emoji=False,
     )
-    console.print(Markdown(readable(text), hyperlinks=False))
+    inside = terminal.width - 2  # code stands between two blank columns
+    text = _PYTHON.sub(lambda m: f"{m[1]}{fitted(m[2], inside)}\n{m[3]}", readable(text))
+    console.print(Markdown(text, hyperlinks=False))
     lines = [line.rstrip() for line in page.getvalue().rstrip("\n").split("\n")]
     return [line for i, line in enumerate(lines) if line or (i and lines[i - 1])]
+
+
+def fitted(program: str, width: int) -> str:
+    """Return a program with lines of at most `width` characters; what it does stays the same.
+
+    A long statement continues behind a backslash, a remark beside it goes above it.
+    """
+    result: list[str] = []
+    quoted = False
+    for line in program.splitlines():
+        bare = line.lstrip()
+        indent = line[: len(line) - len(bare)]
+        text = quoted or bare.startswith('"""')
+        quoted ^= line.count('"""') % 2 == 1
+        if len(line) <= width:
+            result.append(line)
+        elif bare.startswith("#"):
+            result += wrapped(bare[2:], width, f"{indent}# ")
+        elif text:
+            deeper = "    " * bool(re.match(r"[a-z, ]+: ", bare))  # an entry of a list
+            result += wrapped(bare, width, f"{indent}{deeper}", indent)
+        else:
+            code, _, remark = bare.partition("  # ")
+            result += wrapped(remark, width, f"{indent}# ") if remark else []
+            line = f"{indent}{code}"
+            while len(line) > width:
+                line, rest = _broken(line, len(indent) + 8, width)
+                result.append(line)
+                line = f"{indent}        {rest}"
+            result.append(line)
+    return "\n".join(result)
+
+
+def _broken(line: str, low: int, width: int) -> tuple[str, str]:
+    """Return a line of code that ends in a backslash, and what follows it.
+
+    It ends behind a comma if there is one in its second half, else behind an opening bracket or
+    before an operator. Where there is nothing but a string, the string becomes two.
+    """
+    outside, start, quote, escaped = [], 0, "", False
+    for at, char in enumerate(line[: width - 2]):
+        if char in "\"'" and quote in ("", char) and not escaped:
+            start, quote = (start, "") if quote else (at, char)
+        escaped = char == "\\" and not escaped
+        if at >= low and not quote:
+            outside.append(at)
+    commas = [at + 1 for at in outside if line.startswith(", ", at) and at >= width // 2]
+    spaces = [at for at in outside if line[at] == " "]
+    brackets = [at + 1 for at in outside if line[at] in "([{" and at > width // 2]
+    for choice in (commas, spaces, brackets):
+        if choice:
+            return f"{line[: choice[-1]].rstrip()} \\", line[choice[-1] :].lstrip()
+    inside = line[: width - 3]
+    fields = inside.rfind("{") if inside.rfind("{") > inside.rfind("}") else len(inside)
+    at = inside.rfind(" ", low, fields) + 1
+    if not quote or at <= start:
+        at = line.find(" ", low)
+        return (f"{line[:at]} \\", line[at + 1 :]) if at > 0 and not quote else (line, "")
+    letters = re.search(r"[A-Za-z]*$", line[:start])
+    prefix = letters[0] if letters else ""
+    return f"{line[:at]}{quote} \\", f"{prefix}{quote}{line[at:]}"
 
 
 def say_examples(card: Card, terminal: Terminal) -> None:

@@ -59,6 +59,7 @@ class Item:
         follow_ups: possible next questions.
         answer: Markdown of the model answer.
         clarify: what a candidate may ask first, each with the interviewer's reply.
+        topics: for each of `clarify`, words of questions about it, a regular expression.
         paired: whether each line of the rubric has the follow-up at its own place.
         fill: (text, figure) -> the text with its fields filled.
         aid: an answer -> the marks that its words suggest, none where nothing can tell.
@@ -73,6 +74,7 @@ class Item:
     follow_ups: tuple[str, ...]
     answer: str
     clarify: tuple[str, ...] = ()
+    topics: tuple[str, ...] = ()
     paired: bool = False
     fill: Callable[[str, Figure], str] = filled
     aid: Callable[[str], Sequence[str]] = lambda answer: ()
@@ -201,6 +203,7 @@ def _design(one: designs.Design, minutes: int = 0) -> Item:
         follow_ups=tuple(one.follow_ups),
         answer=answer,
         clarify=tuple(one.clarify),
+        topics=tuple(one.topics),
         fill=one.filled,
         aid=aid,
     )
@@ -334,20 +337,23 @@ def _has_number(line: str) -> bool:
 def reply(item: Item, question: str) -> str:
     """Return what the interviewer replies to a clarifying question; "" if nothing fits it.
 
-    A reply fits if it and its question share two words with what was asked, or all that it has. One
-    word of several is no reason: "Which colour have the parts?" is not about how they change.
+    A reply fits a question that uses words of its topic; of several, the one with the most. Where
+    no topic fits, the reply and its question must share two words with what was asked. One word is
+    no reason: "Which colour have the parts?" is not about how they change.
     """
     texts = [re.sub(r"\{.*?\}", "", text) for text in item.clarify]  # a field's name is no word
-    for text, whole in zip(texts, item.clarify, strict=True):
+    replies = [text.partition("? ")[2] for text in item.clarify]
+    for text, whole in zip(texts, replies, strict=True):
         if text.lower().startswith(question.lower().strip(" ?") + "?"):
-            return whole.partition("? ")[2]
+            return whole
+    used = [len(list(re.finditer(topic, question, re.I))) for topic in item.topics]
+    if any(used):
+        return replies[used.index(max(used))]
     requested = _stems(question) - _COMMON
     result = nearest(" ".join(requested), texts)
-    if result is None:
+    if result is None or len(requested & _stems(texts[result])) < 2:
         return ""
-    shared = requested & _stems(texts[result])
-    enough = len(shared) >= 2 or shared == requested
-    return item.clarify[result].partition("? ")[2] if enough else ""
+    return replies[result]
 
 
 def markdown(interview: Interview) -> str:

@@ -6,7 +6,6 @@ It reads lines, from a person or a pipe, until the cause is named or they end.
 from __future__ import annotations
 
 import contextlib
-import re
 import secrets
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -20,7 +19,8 @@ from course.interview import scenarios
 from drills import json_store
 from drills.interview import listen, read_line
 from drills.session import RIGHT, WRONG, Session, body, options
-from drills.terminal import Terminal, wrapped
+from drills.task_text import fitted
+from drills.terminal import Terminal
 
 WORDS = {
     "probe NAME": "run a probe and print its result and the minutes spent so far",
@@ -246,44 +246,16 @@ def talk(
     return None
 
 
+def prompt_in(terminal: Terminal) -> str:
+    """Return what asks a person for a command; "" in a pipe."""
+    return "> " * (sys.stdin.isatty() and not terminal.json)
+
+
 def _lines(terminal: Terminal, read: Callable[..., str]) -> Iterator[str]:
-    prompt = "> " * (sys.stdin.isatty() and not terminal.json)
+    prompt = prompt_in(terminal)
     with contextlib.suppress(EOFError):
         while True:
             yield read(prompt)
-
-
-def fitted(program: str, width: int) -> str:
-    """Return a program with lines of at most `width` characters; what it does stays the same.
-
-    A long statement continues behind a backslash, a remark beside it goes above it.
-    """
-    result: list[str] = []
-    quoted = False
-    for line in program.splitlines():
-        bare = line.lstrip()
-        indent = line[: len(line) - len(bare)]
-        text = quoted or bare.startswith('"""')
-        quoted ^= line.count('"""') % 2 == 1
-        if len(line) <= width:
-            result.append(line)
-        elif bare.startswith("#"):
-            result += wrapped(bare[2:], width, f"{indent}# ")
-        elif text:
-            deeper = "    " * bool(re.match(r"[a-z, ]+: ", bare))  # an entry of a list
-            result += wrapped(bare, width, f"{indent}{deeper}", indent)
-        else:
-            code, _, remark = bare.partition("  # ")
-            result += wrapped(remark, width, f"{indent}# ") if remark else []
-            line = f"{indent}{code}"
-            while len(line) > width:
-                # Behind a comma if there is one in the second half, before an operator otherwise.
-                at = max(line.rfind(", ", width // 2, width - 2) + 1, 0)
-                at = at or line.rfind(" ", len(indent) + 8, width - 2)
-                result.append(f"{line[:at]} \\")
-                line = f"{indent}        {line[at + 1 :]}"
-            result.append(line)
-    return "\n".join(result)
 
 
 def _rows(session: Session, rows: list[tuple[str, str]]) -> None:

@@ -108,7 +108,7 @@ class Talk:
     """
 
     session: Session
-    read_line: Callable[[], str] = read_line
+    read_line: Callable[..., str] = read_line
     clock: Callable[[], datetime] = lambda: datetime.now(UTC)
     editor: bool = False
     waiting: Callable[[], bool] = waiting_input
@@ -488,7 +488,8 @@ class Talk:
             if typed and typed[-1][:1] in (["conclude"], ["quit"]):
                 yield " ".join(typed[-1])
             while True:
-                line = clean(self.read_line()[:LONGEST])
+                prompt = debugging.prompt_in(self.session.terminal)
+                line = clean(self.read_line(*[prompt] * bool(prompt))[:LONGEST])
                 self.add(entry, "answer", line)
                 yield line
 
@@ -648,7 +649,10 @@ def to_read(entry: Entry) -> str:
     text = "\n".join("".join(cell["source"]) for cell in cells)
     parts = re.split(r"^## (?=\d+ · )", text, flags=re.M)[1:]
     parts = [part for part in parts if not re.match(r"\d+ · (Exercises|Interview)\b", part)]
-    result = rehearsal.nearest(entry.weakest, parts)
+    # What a design or a scenario lacks is in the section on them, whatever words it has.
+    kind = {"design": "Design:", "scenario": "Debug:"}.get(entry.key.partition("/")[0])
+    named = [at for at, part in enumerate(parts) if kind and f"· {kind}" in part.splitlines()[0]]
+    result = named[0] if named else rehearsal.nearest(entry.weakest, parts)
     title = "" if result is None else parts[result].splitlines()[0].replace(" · ", ": ")
     return f"chapter {entry.chapter}, {chapter.title}" + f", section {title}" * bool(title)
 

@@ -116,7 +116,8 @@ class Round:
         words += f". A blank line means {RATINGS[intended]}" if intended else ""
         self.session.wrap(f"How well did you know it? {words}.")
         while (line := self._line()) not in map(str, RATINGS) and (line or not intended):
-            self.session.wrap(f"{task_text.cut(line, 20)!r} is not a rating. Type {words}.")
+            what = f"{task_text.cut(line, 20)!r} is not a rating." if line else "Rate this card."
+            self.session.wrap(f"{what} Type {words}.")
         rating, now = int(line or intended or AGAIN), self.clock()
         try:
             self.reviews, report = store.rate(self.path, entry, rating, now, self.reviews)

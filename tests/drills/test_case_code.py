@@ -166,6 +166,10 @@ def test_the_command_prints_a_program_that_runs(place: Place) -> None:
     place.answer(wrong, "fk3")
     done = place.run("check", "fk3", "--seed", "3")
     assert "The case as code: drills check fk3 --seed 3 --case" in done.out
+    # A command that does not fit beside these words is on a line of its own, to be copied whole.
+    other = place.answer(wrong, "my_answer_to_the_arm_with_three_links")
+    far = place.run("check", "fk3", "--file", str(other), "--seed", "3", COLUMNS="80")
+    assert "The case as code:\n  drills check fk3 --file " in far.out
     done = place.run("check", "fk3", "--seed", "3", "--case")
     assert done.code == 1 and done.out.startswith("# fk3, seed 3")
     program = place.answer(done.out, "case")

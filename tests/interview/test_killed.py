@@ -235,6 +235,7 @@ def test_probes_of_a_scenario_are_kept(place: Place, end: str) -> None:
     waiting(place, "scenario/touch", "debugging")
     terminal = Terminal(place, "interview", "--resume")
     terminal.until("the interview continues")
+    terminal.until(">")
     terminal.type("probe quarter_gain\n")
     terminal.until("min spent")
     terminal.end(end)

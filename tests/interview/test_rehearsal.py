@@ -7,8 +7,10 @@ import re
 import signal
 import subprocess
 import time
+import tomllib
 from collections import Counter
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -130,6 +132,31 @@ def test_one_word_of_several_gets_no_reply(text: str, reply: str) -> None:
     one = rehearse.pool()["design/pick_and_place"]
     result = rehearsal.reply(one, text)
     assert reply in result and bool(result) == bool(reply)
+
+
+@pytest.mark.parametrize("name", designs.NAMES)
+def test_a_clarifying_question_is_understood_as_candidates_word_it(name: str) -> None:
+    """Nine in ten get their reply, and no question gets the reply to another one."""
+    path = Path(__file__).with_name("clarifying_questions.toml")
+    rows = tomllib.loads(path.read_text(encoding="utf-8"))[name]["questions"]
+    one, understood = rehearse.pool()[f"design/{name}"], 0
+    for at, question in rows:
+        allowed = "" if at < 0 else one.clarify[at].partition("? ")[2]
+        result = rehearsal.reply(one, question)
+        assert result in ("", allowed), question
+        understood += result == allowed
+    assert understood >= 0.9 * len(rows)
+
+
+@pytest.mark.parametrize(
+    ("key", "section"), [("design/among_people/short", "3: Design"), ("scenario/late", "5: Debug")]
+)
+def test_the_section_on_designs_or_scenarios_is_what_to_read_about_them(
+    key: str, section: str
+) -> None:
+    weakest = "A law for each phase: position in transit, a spring at contact."
+    entry = rehearsal.Entry(key, "design", 12, 15, "A design.", weakest=weakest)
+    assert f"section {section}" in rehearse.to_read(entry)
 
 
 @pytest.mark.prove

@@ -1,5 +1,6 @@
 """Cards and when they are asked: the schedule, the file, and the command `drills review`."""
 
+import ast
 import itertools
 import json
 import re
@@ -60,6 +61,27 @@ def test_both_sides_of_a_card_are_whole(kind: str) -> None:
             assert not re.search(
                 r"\{\w+(\.\w+)?(:[^{}]*)?\}", re.sub(r"\$.*?\$", "", shown.back, flags=re.S)
             )
+
+
+def test_code_on_a_card_fits_a_terminal_and_is_the_same_program() -> None:
+    screen = Terminal()
+    screen.width = 80
+
+    def program(text: str) -> str:
+        tree = ast.parse(text)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                node.body = node.body[ast.get_docstring(node) is not None :]
+        return ast.dump(tree)
+
+    longest = 0
+    for card in catalogue.cards()[::3]:
+        text = card.solution_text()
+        longest = max(longest, *map(len, text.splitlines()))
+        shown = markdown_lines(f"```python\n{text}```", screen)
+        assert max(map(len, shown)) <= 80
+        assert program("\n".join(line[1:] for line in shown)) == program(text), card.name
+    assert longest > 80
 
 
 @pytest.mark.slow
@@ -456,11 +478,12 @@ def test_no_card_or_question_shows_tex_in_a_terminal(monkeypatch: pytest.MonkeyP
 def test_the_end_of_input_keeps_what_was_said_and_a_wrong_rating_is_asked_again(
     place: Place,
 ) -> None:
-    text = "\nseven\n5\n2\nskip\n\n3\n\n"
+    text = "\nseven\n\n5\n2\nskip\n\n3\n\n"
     done = place.run("review", "--seed", "5", "--chapters", "0,12", text=text)
     assert (
         done.code == 0 and "'seven' is not a rating" in done.out and "rated 2 cards" in done.out
     ), done
+    assert "Rate this card. Type 1 again" in done.out  # a blank line has no meaning here
     log = store.load(place.work / "reviews.json")[0].log
     assert [one["rating"] for one in log] == [2, 3] and len({one["card"] for one in log}) == 2
     again = place.json("review", "--seed", "5", "--chapters", "0,12", text="quit\n")

@@ -180,6 +180,13 @@ def answer_to(name: str, seed: int) -> str:
     return scenarios.NONE if drawn == missing else drawn
 
 
+def test_a_slide_that_survives_is_not_called_lost() -> None:
+    """The figure is then the end of the run."""
+    case = scenarios.diagnose("explodes", seed_of("explodes", "double_brake"))
+    cured = [one for one in case.conclude("double_brake", "damp_once").sentences() if "gone" in one]
+    assert "or the run ends" in cured[0] and "lost after" not in str(cured)
+
+
 @EACH
 def test_the_draw_is_even(one: Scenario) -> None:
     """By four standard deviations of a share: `NONE` is as likely as a cause, nearly."""

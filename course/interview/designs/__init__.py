@@ -90,6 +90,7 @@ class Design:
         title: the wording of the question.
         minutes: for all of it, five of them for `clarify`.
         clarify: questions to ask first, each with the interviewer's reply.
+        topics: for each of `clarify`, words of questions about it, a regular expression.
         boxes: name -> (column, row) in the drawing.
         arrows: between them, along a row or a column.
         path: what flows along the chain whose age counts.
@@ -102,6 +103,7 @@ class Design:
     title: str
     minutes: int
     clarify: Sequence[str]
+    topics: Sequence[str]
     boxes: Mapping[str, Sequence[int]]
     arrows: Sequence[Arrow]
     path: Sequence[str]
@@ -128,6 +130,9 @@ class Design:
             end = flows[before].end
             held(end == flows[what].start, "path", what, f"an arrow from {end}")
         held(8 <= len(self.rubric) <= 12, "rubric", len(self.rubric), "8 to 12 items")
+        held(
+            len(self.topics) == len(self.clarify), "topics", len(self.topics), "as many as clarify"
+        )
         held(len(self.follow_ups) == 4, "follow_ups", len(self.follow_ups), "4")
         for item in self.rubric:
             result = self.answer.count(item.passage)

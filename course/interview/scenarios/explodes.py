@@ -212,8 +212,8 @@ SCENARIO = Scenario(
     "unchanged run. So if the slide survives, the time ratio is about three. You can read the "
     "program, but not the parameters that this simulation uses; you can only run the probes "
     "below. What is the cause, and what do you change?",
-    symptom_words="lost after",
-    unit="steps",
+    symptom_words="steps until the slide is lost or the run ends,",
+    unit="",
     symptom=symptom,
     spread=0.1,
     removed=lambda figure: figure >= WINDOW,
