@@ -212,6 +212,7 @@ def test_questions_of_a_design_are_kept(place: Place, end: str) -> None:
     terminal.until("ends your questions.")
     terminal.type("How many robots and which sensors?\n")
     lines_of(place, "How many robots")
+    lines_of(place, '"  *')  # the reply, which is stored after the question
     terminal.end(end)
     whole(place)
     (entry,) = reopened(place).items
