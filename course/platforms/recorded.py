@@ -22,6 +22,7 @@ class Recorded:
         costs: of a step, as a multiple of MuJoCo's with fair settings, (S, 2, E).
         tolerance: [m or rad], (S,); duration: [s], (S,); steps: [s], (T,).
         radar: five axes from 0 to 1: lowest over the scenes, middle and highest, (E, 5, 3).
+        heights: of the block in *brake* above its start [m], fair, at 1 ms, (E, samples).
         engines, versions: their names, and what ran.
     """
 
@@ -33,6 +34,7 @@ class Recorded:
     duration: Array
     steps: Array
     radar: Array
+    heights: Array
     engines: tuple[str, ...]
     versions: tuple[str, ...]
 

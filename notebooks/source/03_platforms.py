@@ -87,19 +87,6 @@ SAMPLES = outcome.truth.shape[1]
 COLOURS = ("tab:blue", "tab:purple", "tab:green", "tab:orange")
 
 
-def heights(engine):
-    """Return how high the oblique braking block is above its start [mm], at the recorded times."""
-    scene = scenes.brake(np.radians(22.5))
-    run = prepared(engine, scene, 1e-3)
-    result, taken, start = [], 0, float(run.state().q[2, 0])
-    for time in np.linspace(0.0, scene.duration, SAMPLES):
-        run.run(round(time / 1e-3) - taken)
-        taken = round(time / 1e-3)
-        result.append(1e3 * (float(run.state().q[2, 0]) - start))
-    run.close()
-    return np.array(result)
-
-
 def scenes_at(k, rise):
     """Draw three scenes at sample k and return the picture."""
     picture, axes = plt.subplots(1, 3, figsize=(9.6, 3.1), dpi=72, layout="constrained")
@@ -111,7 +98,7 @@ def scenes_at(k, rise):
         travelled = 1e3 * np.hypot(*outcome.paths[2, 1, 1, e, k])
         floor = -240.0 * e
         axes[0].plot([-60, 520], [floor, floor], color="0.6", lw=0.8)
-        risen = floor + 20.0 * rise.get(name, np.zeros(SAMPLES))
+        risen = floor + 20.0 * rise[e]
         up, path = risen[k], 1e3 * np.hypot(*outcome.paths[2, 1, 1, e, : k + 1].T)
         axes[0].plot(path, risen[: k + 1], color=colour, lw=1.5)
         axes[0].add_patch(Rectangle((travelled - 50, up), 100, 60, color=colour))
@@ -139,7 +126,7 @@ def scenes_at(k, rise):
     return Picture.fromarray(pixels)
 
 
-rise = {name: heights(known[name]) for name in ("own code", "MuJoCo")}
+rise = 1e3 * outcome.heights  # [mm]
 frames = [scenes_at(k, rise) for k in range(SAMPLES)]
 palette = frames[SAMPLES // 2].quantize(48, dither=Picture.Dither.NONE)
 frames = [one.quantize(palette=palette, dither=Picture.Dither.NONE) for one in frames]
@@ -147,16 +134,15 @@ film = io.BytesIO()
 # The end comes first and stays for a moment, so that a still shows the faults.
 times = [1200] + [120] * (SAMPLES - 1)
 frames[-1].save(film, "PNG", save_all=True, append_images=frames[:-1], duration=times, loop=0)
-highest = {name: one.max() for name, one in rise.items()}
-print("highest point of the braking block: ", end="")
-print(", ".join(f"{name} {max(0.0, x):.2f} mm" for name, x in highest.items()))
+highest = zip(outcome.engines, rise.max(axis=1), strict=True)
+print("highest point of the braking block [mm]: ", end="")
+print(", ".join(f"{name} {max(0.0, x):.2f}" for name, x in highest))
 Image(film.getvalue(), format="png")
 
 # %% [markdown]
 # All positions are from runs at a step of 1 ms. The block is launched at 22.5 degrees to an **axis of the contact**.
 # This is one of two fixed directions on the floor, on which some models of friction depend (section 7). The fingers
-# press with 1.02 times the smallest force that can hold the part. (Drake's and PyBullet's blocks are drawn on the
-# floor, since the record has no heights. Section 3 shows that they don't hop.)
+# press with 1.02 times the smallest force that can hold the part.
 #
 # Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards, and higher
 # with the stiff contacts used here. **Towers sag**: even a stiff contact yields a little under load, so the cubes
@@ -872,7 +858,7 @@ plt.show()
 more_claims("headless_renders")
 
 # %% [markdown]
-# <details><summary>More of them: Warp, Newton, MJX and Genesis World</summary>
+# <details><summary>More of them: Warp, Newton, MJX and Genesis World (as documented in November 2026)</summary>
 #
 # In the table, JAX compiles array programs in Python for GPUs. PBD (position-based dynamics) and XPBD, its successor,
 # move positions directly until constraints hold. VBD (vertex block descent) and FEM (finite elements) simulate meshes
@@ -882,19 +868,23 @@ more_claims("headless_renders")
 #
 # <table> <tr><th>name</th> <th>what it is for</th> <th>model description</th> <th>solver</th> <th>source</th></tr>
 # <tr><td>Warp</td> <td>writing GPU programs in Python</td> <td>none</td> <td>none; Newton is built on it</td>
-# <td>[Isaac Lab's manual, Newton](
+# <td>[Warp 1.18](https://nvidia.github.io/warp/v1.18/index.html); [Isaac Lab's manual, Newton](
 # https://isaac-sim.github.io/IsaacLab/develop/source/overview/core-concepts/physical-backends/newton/index.html)
 # </td></tr> <tr><td>Newton</td> <td>GPU physics with exchangeable solvers; managed by the Linux Foundation</td>
 # <td>USD in Isaac Lab</td> <td>MuJoCo Warp (MuJoCo's method, main solver in Isaac Lab); Kamino (beta); XPBD;
-# Featherstone; VBD for cloth and soft bodies; MPM</td> <td>[Isaac Lab's
-# manual](https://isaac-sim.github.io/IsaacLab/develop/source/concepts/physics-backends/newton.html)</td></tr>
+# Featherstone; VBD for cloth and soft bodies; MPM</td> <td>Isaac Lab's manual:
+# [solvers](https://isaac-sim.github.io/IsaacLab/develop/source/concepts/physics-backends/newton.html),
+# [Linux Foundation](
+# https://isaac-sim.github.io/IsaacLab/develop/source/overview/core-concepts/physical-backends/newton/index.html),
+# [USD](https://docs.nvidia.com/isaaclab/isaac-lab/how-to-guides/importing-a-new-asset)</td></tr>
 # <tr><td>MJX</td> <td>MuJoCo called from JAX, for many worlds</td> <td>MJCF, compiled by MuJoCo</td> <td>MJX-JAX:
 # the algorithms of MuJoCo with some features missing; it also computes, approximately, how results change with inputs.
-# MJX-Warp: MuJoCo Warp, for NVIDIA, without this</td> <td>[MuJoCo's manual,
+# MJX-Warp: MuJoCo Warp, for NVIDIA, without this</td> <td>[MuJoCo 4.0's manual,
 # MJX](https://mujoco.readthedocs.io/en/stable/mjx.html)</td></tr>
 # <tr><td>Genesis World</td> <td>rigid, soft and fluid bodies in one scene</td> <td>Python; reads URDF, MJCF, USD and
 # meshes</td> <td>several, coupled: rigid, FEM, MPM, PBD and SPH particles, IPC</td> <td>[AMD's manual of
-# Genesis](https://rocm.docs.amd.com/projects/genesis/en/docs-26.10/_sources/what-is-genesis.rst)</td></tr> </table>
+# Genesis, 26.10](https://rocm.docs.amd.com/projects/genesis/en/docs-26.10/_sources/what-is-genesis.rst); file formats:
+# [genesis-world 1.4.1](https://pypi.org/project/genesis-world/1.4.1/)</td></tr> </table>
 #
 # </details>
 #
@@ -908,14 +898,15 @@ predict("millions_a_second")
 # [UsdPhysics](https://docs.omniverse.nvidia.com/kit/docs/pxr-usd-api/latest/pxr/UsdPhysics.html) adds mass, collision
 # shapes, joints, limits and drives (motors of joints).
 #
-# **Converting** is where models break. The three formats don't have the same vocabulary:
+# **Converting** is where models break. The three formats don't have the same vocabulary (as documented in November
+# 2026):
 #
-# | What | URDF | MJCF | USD with UsdPhysics |
-# |---|---|---|---|
-# | Structure | a tree of links and joints | a tree of nested bodies | objects; each joint names its two bodies |
-# | Closed loops of links | no | constraints that tie two bodies together | a joint marked as not part of the tree |
-# | Motor | limits of torque and speed | actuators with gains | drives with stiffness and damping |
-# | Solver settings | no | yes, MuJoCo's | in extensions |
+# | What | URDF | MJCF | USD with UsdPhysics | Source |
+# |---|---|---|---|---|
+# | Structure | a tree of links and joints | a tree of nested bodies | objects; each joint names its two bodies | [URDF](https://docs.ros.org/en/kilted/p/urdf/doc/index.html), [MJCF](https://mujoco.readthedocs.io/en/4.0.1/modeling.html), [USD](https://graphics.pixar.com/usd/release/api/class_usd_physics_joint.html) |
+# | Closed loops of links | no | constraints that tie two bodies together | a joint marked as not part of the tree | [URDF](https://docs.ros.org/en/kilted/p/urdf/doc/index.html), [paper of 2024](https://arxiv.org/html/2411.19753v1), [MJCF](https://mujoco.readthedocs.io/en/stable/overview.html), [USD](https://nvidia.github.io/simready-foundation/2026.10.0/rules_and_reqs/physics_bodies/physics_driven_joints/requirements/no-articulation-loops.html) |
+# | Motor | limits of torque and speed | actuators with gains | drives with stiffness and damping | [URDF](https://docs.ros.org/en/kilted/p/urdf/doc/index.html), [MJCF](https://mujoco.readthedocs.io/en/4.0.1/modeling.html), [USD](https://docs.omniverse.nvidia.com/kit/docs/usdrt.scenegraph/latest/api/classusdrt_1_1_usd_physics_drive_a_p_i.html) |
+# | Solver settings | no | yes, MuJoCo's | in extensions | [URDF](https://docs.ros.org/en/kilted/p/urdf/doc/index.html), [MJCF](https://mujoco.readthedocs.io/en/4.0.1/modeling.html), [USD: PhysX's extension](https://nvidia-omniverse.github.io/PhysX/ovphysx/0.6.3/population/PhysxSceneAPI.html) |
 #
 # What the target format can't say is lost, and what the source didn't say is filled in with a default. After each
 # conversion, compare masses, inertias, limits, damping and motor gains with the original.

@@ -10,6 +10,7 @@ from course.oracles.engines import engines
 from course.platforms.recorded import recorded
 from course.simulations import platforms as sim
 from course.simulations.model import Experiment
+from tests import optional
 
 FOUND = recorded()
 
@@ -23,6 +24,7 @@ def test_the_record_holds_every_scene_step_setting_and_engine():
     assert FOUND.tolerance.tolist() == [scene.tolerance for scene in record.shown()]
     assert ((FOUND.radar >= 0.0) & (FOUND.radar <= 1.0)).all()
     assert (np.diff(FOUND.radar, axis=2) >= 0.0).all()
+    assert FOUND.heights.shape == (len(FOUND.engines), record.SAMPLES)
 
 
 @pytest.mark.parametrize("scene", [sim.TUMBLE, sim.BRAKE])
@@ -34,6 +36,19 @@ def test_mujoco_repeats_its_record(scene):
         )
         assert np.allclose(path, FOUND.paths[scene, step, k, e], atol=1e-5)
         assert error == pytest.approx(FOUND.errors[scene, step, k, e], rel=1e-6)
+
+
+OTHERS = [pytest.param(name, marks=pytest.mark.optional) for name in ("Drake", "PyBullet")]
+
+
+@pytest.mark.parametrize("name", ["own code", "MuJoCo", *OTHERS])
+def test_every_engine_repeats_the_recorded_heights_of_the_braking_block(name):
+    engine = engines()[name]
+    if missing := engine.missing():
+        optional.skip(f"{name}'s heights were NOT repeated: {missing}")
+    stored = FOUND.heights[FOUND.engines.index(name)]
+    assert np.allclose(record.heights(engine), stored, atol=1e-5)  # a hundredth of a millimetre
+    assert np.ptp(stored) > 1e-3 if name == "MuJoCo" else np.abs(stored).max() < 2e-5
 
 
 def test_the_presets_show_what_their_notes_say():

@@ -1,12 +1,15 @@
 """What the chapter's simulation shows: five scenes on every engine, recorded.
 
-`python -m course.charts.platforms.record` runs them and writes `course/platforms/recorded.npz`; it
-needs all engines.
+`python -m course.charts.platforms.record` runs them and writes `course/platforms/recorded.npz`;
+`python -m course.charts.platforms.record heights` runs only the braking block again and replaces
+the heights in that file. Both need all engines.
 """
 
 from __future__ import annotations
 
 import math
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +19,7 @@ from course import kinematics, platforms
 from course.measure.timing import batches, interleaved
 from course.oracles.engines import engines
 from course.oracles.readers import readings
-from course.platforms import AS_SHIPPED, FAIR, Engine, Scene, Settings, State, measures, scenes
+from course.platforms import AS_SHIPPED, FAIR, Engine, Run, Scene, Settings, State, measures, scenes
 from course.platforms.models import MODELS, honesty, verdict
 from course.rigid_body import quaternion
 
@@ -58,23 +61,36 @@ def place(scene: Scene, state: State, time: float) -> tuple[float, float]:
     return time, 1e3 * float(state.q[2, body] - scene.start.q[2, body])
 
 
+def samples(run: Run, scene: Scene, dt: float) -> Iterator[tuple[float, State]]:
+    """Advance a run to the recorded times, one after the other; yield each time and state."""
+    marks = np.round(np.linspace(0, round(scene.duration / dt), SAMPLES)).astype(int)
+    for mark, steps in zip(marks, np.diff(marks, prepend=0), strict=True):
+        run.run(int(steps))
+        yield mark * dt, run.state()
+
+
 def path(engine: Engine, scene: Scene, dt: float, settings: Settings) -> tuple[Array, float]:
     """Return the plotted trajectory of a run, (SAMPLES, 2), and its final error.
 
     Once a state is not finite, the last finite position is repeated.
     """
     run = platforms.prepared(engine, scene, dt, settings)
-    total = round(scene.duration / dt)
-    marks = np.round(np.linspace(0, total, SAMPLES)).astype(int)
-    rows, before = list[tuple[float, float]](), run.state()
-    for steps in np.diff(marks, prepend=0):
-        run.run(int(steps))
-        state = run.state()
+    rows, before, time = list[tuple[float, float]](), run.state(), 0.0
+    for time, state in samples(run, scene, dt):
         before = state if np.isfinite(state.q).all() else before
-        rows.append(place(scene, before, marks[len(rows)] * dt))
-    error = scene.error(run.state(), total * dt)
+        rows.append(place(scene, before, time))
+    error = scene.error(run.state(), time)
     run.close()
     return np.array(rows), error
+
+
+def heights(engine: Engine) -> Array:
+    """Return the height of the braking block above its start [m], (SAMPLES,): fair, at 1 ms."""
+    scene = scenes.brake(HEADING)
+    run = platforms.prepared(engine, scene, 1e-3, FAIR)
+    result = np.array([state.q[2, 0] for _, state in samples(run, scene, 1e-3)])
+    run.close()
+    return result - scene.start.q[2, 0]
 
 
 def costs(result: list[Engine], scene: Scene) -> Array:
@@ -170,6 +186,7 @@ def main() -> None:
         costs=cost,
         tolerance=tolerance,
         radar=radar(result, errors, cost, tolerance),
+        heights=np.array([heights(engine) for engine in result]),
         duration=np.array([scene.duration for scene in shown()]),
         steps=np.array(STEPS),
         engines=np.array(names),
@@ -177,5 +194,13 @@ def main() -> None:
     )
 
 
+def record_heights() -> None:
+    """Replace the heights of the braking block in the record and keep the rest of it."""
+    with np.load(PATH) as before:
+        arrays = {name: before[name] for name in before.files}
+    arrays["heights"] = np.array([heights(engine) for engine in engines().values()])
+    np.savez_compressed(PATH, **arrays)
+
+
 if __name__ == "__main__":
-    main()
+    record_heights() if "heights" in sys.argv[1:] else main()
