@@ -44,6 +44,7 @@ NAMES = {
     8: "liveliness",
     11: "reliability",
     12: "destination_order",
+    24: "type_consistency",
 }
 KINDS = {
     "volatile": "Volatile",

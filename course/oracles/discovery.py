@@ -13,12 +13,32 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from course.check import one_of
 from course.oracles.cyclonedds import CONFIGURATION, library
 
-CASES = ("works", "other domain", "other type", "other policy", "no peer", "with a peer")
+# The reader's definition of the type where it differs under the same type name: fields and their
+# types. The writer's is {"number": "int32"}.
+DEFINITIONS = {
+    "field added": {"number": "int32", "effort": "float64"},
+    "field changed": {"number": "float32"},
+    "field renamed": {"position": "int32"},
+    "appendable": {"number": "int32", "effort": "float64"},
+    "no coercion": {"number": "int32", "effort": "float64"},
+}
+# Cyclone takes a type as final unless it is declared appendable (DDS-XTypes 1.3, 2020).
+APPENDABLE = ("appendable", "no coercion")
+CASES = (
+    "works",
+    "other domain",
+    "other type",
+    "other policy",
+    "no peer",
+    "with a peer",
+    *DEFINITIONS,
+)
 
 
 @dataclass(frozen=True)
@@ -31,6 +51,10 @@ class Discovered:
         types: the type names of these readers.
         matched: whether its writer is matched with a reader.
         policy: the policy that the event "offered incompatible QoS" names, or "".
+        same_hash: whether every reader that is listed announced the type identifier of the writer's
+            own type, a hash of the definition.
+        inconsistent: the count of the writer's status "inconsistent topic".
+        received: the fields of the message that the reader took, if the writer was matched.
     """
 
     participants: int
@@ -38,6 +62,9 @@ class Discovered:
     types: list[str]
     matched: bool
     policy: str
+    same_hash: bool = True
+    inconsistent: int = 0
+    received: dict[str, float] = field(default_factory=dict)
 
 
 INDEX = {"reader": 41, "writer": 42}  # above the 32 that a participant without peers asks
@@ -67,7 +94,8 @@ def discover(case: str, seconds: float = 2.0) -> Discovered:
     """Run two processes and return what the second one discovered of the first.
 
     Args:
-        case: one of `CASES`.
+        case: one of `CASES`; in those of `DEFINITIONS` both ends have the same type name, and in
+            "no coercion" the reader's policy demands the same definition as well.
         seconds: for how long the second process waits for a match.
 
     Raises:
@@ -105,16 +133,32 @@ def discover(case: str, seconds: float = 2.0) -> Discovered:
         out, error = writer.communicate(timeout=60)
     finally:
         # The end of its input ends the reader.
-        reader.communicate(timeout=60)
-    if writer.returncode:
-        raise RuntimeError(error)
-    return Discovered(**json.loads(out))
+        taken, reader_error = reader.communicate(timeout=60)
+    if writer.returncode or reader.returncode:
+        raise RuntimeError(error or reader_error)
+    return Discovered(**json.loads(out), received=json.loads(taken))
+
+
+def _definition(case: str, role: str) -> Any:
+    """Return the type that one of the two processes gives its topic."""
+    from cyclonedds import idl
+    from cyclonedds.idl import annotations, types
+
+    if role == "reader" and case == "other type":
+        return idl.make_idl_struct("Pose", "course.Pose", {"x": types.float64})
+    fields = {"number": "int32"}
+    if role == "reader":
+        fields = DEFINITIONS.get(case, fields)
+    kind = idl.make_idl_struct(
+        "Joint", "course.Joint", {name: getattr(types, one) for name, one in fields.items()}
+    )
+    return annotations.appendable(kind) if case in APPENDABLE else kind
 
 
 def _main(role: str, case: str, seconds: float) -> None:
-    from cyclonedds import builtin, idl
+    from cyclonedds import builtin
+    from cyclonedds.core import Policy, Qos
     from cyclonedds.domain import DomainParticipant
-    from cyclonedds.idl.types import float64, int32
     from cyclonedds.pub import DataWriter
     from cyclonedds.sub import DataReader
     from cyclonedds.topic import Topic
@@ -123,20 +167,23 @@ def _main(role: str, case: str, seconds: float) -> None:
     from course.oracles.cyclonedds import NAMES, policies, until
 
     member = DomainParticipant()
-    other = case == "other type" and role == "reader"
-    kind = (
-        idl.make_idl_struct("Pose", "course.Pose", {"x": float64})
-        if other
-        else idl.make_idl_struct("Joint", "course.Joint", {"number": int32})
-    )
+    kind = _definition(case, role)
     topic = Topic(member, "joints", kind)
     if role == "reader":
-        end = DataReader(member, topic, policies(QoS()))
+        # Transient local: a message that is written before the reader knows the writer is not lost.
+        requested = policies(QoS(durability="transient_local"))
+        if case == "no coercion":
+            requested = Qos(Policy.TypeConsistency.DisallowTypeCoercion(), base=requested)
+        end = DataReader(member, topic, requested)
         print("ready", flush=True)
         sys.stdin.read()
-        del end
+        taken = [vars(one) for one in end.take(10) if isinstance(one, kind)]
+        fields = kind.__dataclass_fields__
+        print(json.dumps({name: taken[0][name] for name in fields} if taken else {}))
         return
-    offered = QoS("best_effort") if case == "other policy" else QoS()
+    offered = QoS(
+        "best_effort" if case == "other policy" else "reliable", durability="transient_local"
+    )
     people = builtin.BuiltinDataReader(member, builtin.BuiltinTopicDcpsParticipant)
     ends = builtin.BuiltinDataReader(member, builtin.BuiltinTopicDcpsSubscription)
     source = DataWriter(member, topic, policies(offered))
@@ -144,18 +191,26 @@ def _main(role: str, case: str, seconds: float) -> None:
     def matched() -> bool:
         return bool(source.get_publication_matched_status().current_count)
 
-    until(matched, seconds)
+    if until(matched, seconds):
+        source.write(kind(number=7))
+        # The reader has it in its queue before this process ends.
+        source.wait_for_acks(round(1e9 * seconds))
     status = source.get_offered_incompatible_qos_status()
     mine = member.get_guid()
-    types = [one.type_name for one in ends.take(100) if one.topic_name == "joints"]
+    listed = [one for one in ends.take(100) if one.topic_name == "joints"]
     discovered = Discovered(
         participants=sum(one.key != mine for one in people.take(100)),
-        listed=bool(types),
-        types=sorted(types),
+        listed=bool(listed),
+        types=sorted(one.type_name for one in listed),
         matched=matched(),
         policy=NAMES.get(status.last_policy_id, "") if status.total_count else "",
+        same_hash=all(one.type_id == kind.__idl__.get_type_id() for one in listed),
+        inconsistent=topic.get_inconsistent_topic_status().total_count,
     )
-    print(json.dumps(vars(discovered)))
+    # What was received is the reader's to report.
+    shown = vars(discovered)
+    del shown["received"]
+    print(json.dumps(shown))
 
 
 if __name__ == "__main__":

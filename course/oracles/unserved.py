@@ -21,7 +21,7 @@ CASES = ("answers", "no server", "other type", "other policy", "busy")
 CAUSES = {
     "answers": "",
     "not discovered": "no server is discovered: start it, or compare service name and domain",
-    "type mismatch": "a server is listed but not matched, and no policy differs: compare the types",
+    "type mismatch": "a server is listed but not matched: compare the names and hashes of types",
     "policy mismatch": "a server is listed but not matched: compare the quality of service",
     "server busy": "a server is matched and has not replied: its callback waits, runs or failed",
 }
@@ -52,7 +52,8 @@ class Requested:
         if not self.listed:
             return "not discovered"
         if not self.matched:
-            return "policy mismatch" if self.policy else "type mismatch"
+            types = self.policy in ("", "type_consistency")
+            return "type mismatch" if types else "policy mismatch"
         return "server busy"
 
 

@@ -94,8 +94,8 @@ def timeline(axis, rows, unit="ms"):
 #
 # A **node** is a software component with a name. It publishes messages, subscribes to messages of other nodes and
 # answers requests. A named stream of messages is a **topic**. The publisher's end of a topic is called a **writer** in
-# DDS, and the subscriber's end a **reader**. We use both pairs. **Discovery** is how writers and readers of the same
-# topic find each other: each announces itself on the network.
+# DDS, and the subscriber's end a **reader**.  **Discovery** is how writers and readers of the same topic find each
+# other: each announces itself on the network.
 #
 # A **callback** is a function of yours that runs at an **event**, such as the arrival of a message or the end of a
 # timer's period.
@@ -309,9 +309,9 @@ _ = axes[0].set_ylabel("offered")
 plt.show()
 
 # %% [markdown]
-# A frequent case in practice: a camera driver publishes with the best-effort profile for sensors, and a display tool
-# subscribes with the reliable default. The tool's window stays empty. ROS 2 logs a warning ("incompatible QoS"), which
-# is easy to overlook.
+# A frequent case: a camera driver publishes with the best-effort profile for sensors, and a display tool subscribes
+# with the reliable default. The tool's window stays empty. ROS 2 logs a warning ("incompatible QoS"), which is easy to
+# overlook.
 
 # %%
 show("stronger_offer")
@@ -549,9 +549,9 @@ answer("relative_sleep", "1/(T + C)")
 # task with the shortest period.
 #
 # A task's **response time** is the time from its release to the end of its work. It is longest at a
-# **critical instant**, when all tasks are released at the same moment. This is true for **independent** tasks, which
-# never wait for another task or for anything else, as long as they meet their deadlines. The picture shows a critical
-# instant of a controller (period 1 ms), a filter (10 ms) and a planner (100 ms).
+# **critical instant**, when all tasks are released at the same moment. This is true if the tasks are **independent** (none waits
+# for another task or for anything else) and all of them meet their deadlines. The picture shows a critical instant of a
+# controller (period 1 ms), a filter (10 ms) and a planner (100 ms).
 #
 # <details><summary>Why the same moment?</summary>
 #
@@ -604,9 +604,9 @@ plt.show()
 # up.
 #
 # $R_i$ stands on both sides, so we start with $R_i = C_i$, insert it on the right, and repeat until nothing changes. If
-# the result is at most $T_i$, no run of the task takes longer. If it exceeds $T_i$, the task can miss its deadline,
-# provided that a blocking as long as $B_i$ can really occur. Then $R_i$ is not even the longest response time: a later
-# run may have to wait for the one before it.
+# the result is at most $T_i$, no run of the task takes longer. If it exceeds $T_i$, the task can miss its deadline (if
+# a blocking of $B_i$ can really occur). Later runs can then take even longer than $R_i$, because they wait for the run
+# before.
 #
 # **A worked example**, for the filter: $C = 2$ ms, and the controller takes 0.25 ms of each 1 ms. Start with 2 ms. In
 # this time the controller is released twice, which makes $2 + 2 \cdot 0.25 = 2.5$ ms. In 2.5 ms there are three
@@ -628,8 +628,8 @@ show("critical_instant")
 # Two simpler tests need only the utilizations of independent tasks with rate-monotonic priorities. Liu and Layland
 # (1973) proved that $n$ such tasks meet all deadlines if their utilization is at most $n(2^{1/n} - 1)$. The
 # **hyperbolic bound** (Bini and others, 2001) accepts a set if $\prod (C_i/T_i + 1) \leq 2$. Both are sufficient and
-# not necessary: a set that they reject may still meet its deadlines. Of the safe tests that use only utilizations, the
-# hyperbolic bound accepts the most. For the three tasks above:
+# not necessary: a set that they reject may still meet its deadlines. Of the sufficient tests that use only
+# utilizations, the hyperbolic bound accepts the most. For the three tasks above:
 
 # %% tags=["hide-code"]
 table(
@@ -748,9 +748,9 @@ Markdown(f"```cpp\n{triple.rstrip()}\n```")
 # %% [markdown]
 # The swap makes everything that was written before it visible to the thread that swaps next (C++ calls this *release*
 # and *acquire*). Without this order, the index could become visible before the contents. A **data race** means that two
-# threads access a variable, one of them writes, and nothing orders them. Our tests run both threads under a
-# **sanitizer**, a compiler option that adds checks to the running program, here for data races. It finds none. It finds
-# one if the swap is unordered (*relaxed*), or if there are only two slots.
+# threads access a variable that is not atomic, at least one of them writes, and nothing orders the accesses. Our tests
+# run both threads under a **sanitizer**, a compiler option that adds checks to the running program, here for data
+# races. It finds none. It finds one if the swap is unordered (*relaxed*), or if there are only two slots.
 #
 # <details><summary>Why a plain seqlock is a data race</summary>
 #
@@ -782,7 +782,7 @@ figures(read("handover_waits"), "loaded, triple", "loaded, mutex", "loaded, std"
 # In the second panel, the writer can be interrupted while it holds `std::mutex`. Then the urgent reader waits until the
 # scheduler lets the writer run again, for many periods. In the third panel, with less load, this is rarer. Inheritance
 # ends most of this wait. The triple buffer has no lock to wait for, so its calls are about as long as those of a plain
-# copy. In the last panel the writer is interrupted with every method. (The slowest of 11,000 calls is not a bound.)
+# copy. (The slowest of 11,000 calls is not a bound.)
 
 # %% [markdown]
 # ### Executors: who waits for a thread
@@ -822,10 +822,10 @@ plt.show()
 
 # %% [markdown]
 # To protect the control callback, put it in a group of its own. If all groups are exclusive, give the executor as many
-# threads as groups: then a thread is always free for control. This thread still needs a core: a free one, or a higher
-# priority than the others. The table shows the longest time from when control is due until it ends, in forty simulated
-# runs, and a computed bound. In the rows with two cameras, both take an image at the same moment, every 100 ms. Control
-# takes 1 ms and is due every 50 ms; a camera's callback takes 25 ms:
+# threads as groups: then a thread is always free for control. Control also needs processor time: a free core, or an
+# executor of its own whose thread has a higher priority. The table shows the longest time from when control is due
+# until it ends, in forty simulated runs, and a computed bound. In the rows with two cameras, both take an image at the
+# same moment, every 100 ms. Control takes 1 ms and is due every 50 ms; a camera's callback takes 25 ms:
 
 # %% tags=["hide-code"]
 control = Work("control", 0.001, 0.050)
@@ -975,8 +975,8 @@ plt.show()
 # perception, planner, safety monitor</td> <td>best effort, depth 1, each with its time stamp</td> <td>perception
 # computes the camera's pose from them, the planner starts at them, and the monitor checks them; the next one comes
 # within milliseconds</td></tr> <tr><td>safety monitor → controller, screen</td> <td>reliable, transient local, depth 1,
-# with a lease</td> <td>a late subscriber needs the current status; a controller that no longer hears the monitor must
-# stop the arm</td></tr> </table>
+# manual by topic with a lease</td> <td>a late subscriber needs the current status; if the monitor's own loop gives no
+# sign of life, the controller must stop the arm</td></tr> </table>
 #
 # How old is the image behind a command at the **drives**, the electronics that move the motors? Chapter 0 added up the
 # execution times and the waits between stages. The chart does the same for four variants of this stack. Blue is
@@ -1034,8 +1034,9 @@ plt.show()
 table(*lines)
 
 # %% [markdown]
-# The ages are computed; the last column is the average of 16 simulated runs. In each run, every clock starts at a
-# random time (its **phase**). The camera takes 5 ms, perception 20 ms (slow: 50 ms) and the planner 40 ms.
+# The ages are computed without losses and times on the link; the last column is the average of 16 simulated runs. In
+# each run, every clock starts at a random time (its **phase**). The camera takes 5 ms, perception 20 ms (slow: 50 ms)
+# and the planner 40 ms.
 #
 # Row 2 is 60 ms better on average. The faster planner saves 10 ms. Starting it when a scene arrives saves the other 50
 # ms: no scene waits, and plans come three times as often. It has to finish before the next image, so it takes 30 ms.
@@ -1055,9 +1056,9 @@ table(*lines)
 # %% [markdown]
 # Gigabit Ethernet carries at most 125 MB/s, so the larger stream does not fit: run camera and perception on one
 # computer, or compress. Even there, images can be lost. The operating system stores arriving packets in a **receive
-# buffer** until the program reads them from its **socket**, its end of the connection. If the packets of an image
-# arrive faster than that, the buffer overflows. Below, ten images at 30 Hz go to another process on this computer, over
-# Cyclone DDS, with its default receive buffer (1 MiB) and a larger one:
+# buffer** until the program reads them from its **socket**, its end of the connection. If packets arrive faster than
+# the program reads them, the buffer fills, and further packets are lost. Below, ten images at 30 Hz go to another
+# process on this computer, over Cyclone DDS, with its default receive buffer (1 MiB) and a larger one:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 try:
@@ -1134,7 +1135,7 @@ table(
 
 # %% [markdown]
 # A `qos_overrides` parameter (since ROS 2 Galactic, 2021) sets one policy of one end, for example
-# `qos_overrides./camera/image.publisher.depth: 1`. Times are in nanoseconds. The node's source has to allow it.
+# `qos_overrides./camera/image.publisher.depth: 1`. Times are in nanoseconds.
 #
 # The file in the fold-out sets policies in this way. Instead of the node `controller`, it uses **ros2_control**, ROS
 # 2's framework for controllers. The framework's own process runs our controller as a plug-in. A second program, the
@@ -1168,7 +1169,7 @@ for node in ours:
 table(*lines)
 
 # %% [markdown]
-# The replacement also finds silent topics, for instance when one end is forgotten:
+# Our recorder also compares both ends of each topic. It finds the silent topic if you set the policies of only one end:
 
 # %% tags=["hide-code"]
 broken = launch.OURS.replace(
@@ -1181,17 +1182,18 @@ print("with the monitor's publisher left at default:", launch.silent(launch.node
 # %% [markdown]
 # What was decided, and what it costs:
 #
-# * *Processes.* The file starts a process for each node. If perception crashes, the controller goes on running. (The
-#   arm does not hold its position by itself: somebody has to program what happens when no new plan arrives.) The price
-#   is that every image is turned into bytes (**serialisation**) and copied several times on its way. If that takes too
-#   long, put camera and perception into one process.
+# * *Processes.* The file starts a process for each node. If perception crashes, the controller goes on running.
+#   (Somebody has to program what the arm does without a new plan.) The price is that every image is turned into bytes
+#   (**serialisation**) and copied several times on its way. If that takes too long, put camera and perception into one
+#   process.
 # * *The controller.* The framework has parameters for rate and thread priority (`update_rate`, `thread_priority`;
-#   manual, Jazzy 2024). The plug-in has a node of its own in the framework's process. Since August 2024 (Jazzy and
-#   later), that node ignores the parameters of the process. That is why the spawner has to pass them (`--param-file`,
+#   manual, Jazzy 2024).
+#
+# <details><summary>Three more traps</summary>
+#
+# * *The plug-in has a node of its own* in the framework's process. Since August 2024 (Jazzy and later), that node
+#   ignores the parameters of the process. That is why the spawner has to pass them (`--param-file`,
 #   `--controller-ros-args`; release notes, Jazzy).
-#
-# <details><summary>Two more traps</summary>
-#
 # * *Names depend on the version.* For RealSense cameras, `depth_module.profile` became `depth_module.depth_profile`
 #   with driver 4.55.1 (May 2024). If a launch file sets a parameter that the node does not declare, ROS 2 ignores it
 #   without a message.
@@ -1211,8 +1213,8 @@ more_claims("gigabit_is_enough", "launch_comments", "parameters_are_tunable")
 # **Interview tip.** Go through the layers and give a number for each. *"Torques at 1 kHz in a thread of their own, with
 # Linux's real-time priority, locked memory and no allocation. I compare the worst lateness under load with the delay at
 # which the loop would become unstable. The planner at 10 Hz may be late, because the controller interpolates and comes
-# to rest at the end of its trajectory. The image behind a command is at most 200 ms old. Perception has a queue of
-# depth 1, so a new image replaces an unread one."*
+# to rest at the end of its trajectory. If no image is lost and the link takes no time, the image behind a command is at
+# most 200 ms old. Perception has a queue of depth 1, so a new image replaces an unread one."*
 #
 # </div>
 #
@@ -1220,9 +1222,9 @@ more_claims("gigabit_is_enough", "launch_comments", "parameters_are_tunable")
 #
 # ### Compatibility in twelve lines
 #
-# The function compares ranked policies, then durations, then the policies that have to be equal (such as DDS's
-# ownership, which ROS 2 does not use). `ORDERS` lists the values of each ranked policy, the weakest first. `TIMES`
-# names deadline and lease, which are infinite if not set, and `SAME` the last group:
+# The function compares the ranked policies with named values, then the times, then the policies that have to be equal
+# (such as DDS's ownership, which ROS 2 does not use). `ORDERS` lists the named values, the weakest first. `TIMES` names
+# deadline and lease, which are infinite if not set, and `SAME` the last group:
 
 # %% tags=["hide-code"]
 body = inspect.getsource(compatible)
@@ -1274,15 +1276,18 @@ Markdown(f"```cpp\n{textwrap.dedent(update)}```\n\n{folded}")
 # %% [markdown]
 # `update` returns `ERROR` in two cases. In the first, a torque cannot be written (`set_value` fails), and the last one
 # remains in force. In the second, a reading is missing or invalid (NaN), and the joint gets zero torque. Zero torque
-# does not hold a joint; only its brake can. The brake closes some time after its current is cut. Let $t$ be the time
+# does not hold a joint; only its brake can. The brake closes some time after its current is cut.
+#
+# Let $t$ be the time
 # from the first cycle without torque until the brake has closed. If the joint was at rest and the other joints hold
-# still, the centre of mass of what it carries drops by at most $g\,t^2/2$, as in free fall.
+# still, the centre of mass of what it carries drops by at most $g\,t^2/2$, as in free fall. (If several joints are
+# limp, an outer link can fall faster.)
 #
 # When `update` returns `ERROR`, the controller manager of ros2_control deactivates the controller and activates its
 # `fallback_controllers` (since Jazzy, 2024). The hardware component has to cut the current of the brakes.
 #
-# The example is stricter than what you would ship: a single cycle in which a lock was taken ends it. A real controller
-# would use the last reading for two or three cycles, count them, and only then report an error.
+# The example is stricter than what you would ship: a single cycle in which a lock was taken ends the controller. A real
+# controller would use the last reading for two or three cycles, count them, and only then report an error.
 #
 # The common alternative computes inside a subscription's callback, like this:
 
@@ -1331,7 +1336,8 @@ else:
         torques = [controller.torques(s[:six], s[six:], *first) for s in states]
         gap = np.abs(np.array(good.torque) - torques).max()
         took_ = sum(good.allocations)
-        print(f"update: differs from Python by at most {gap:.2g} N m, {took_} allocations")
+        print(f"update, {len(states)} random states: within {gap:.2g} N m of the formula in Python")
+        print(f"update: {took_} allocations")
         sizes = {"six joints": (6, 6), "seven joints": (7, 7), "no velocities": (6, 0)}
         for name, row in sizes.items():
             bad = controller.drive(program, "callback", [np.zeros(six)], [message(*row)])
@@ -1393,7 +1399,7 @@ table(
 # How long does a message take to another process, or thread, and back? We measured it from Python, on one computer. The
 # methods do different work, so this is no race between products: the table's second column says what each one does with
 # the bytes. Times are relative: 1 is the round trip of 64 bytes between two threads that use a queue. (Zenoh is another
-# middleware, see section 9.) Bands, here and in the next charts, show the middle half of the measurements.
+# middleware, see section 9.) Bands show the middle half of the measurements.
 #
 # ![Round trips by size: threads, socket, shared memory, zenoh, Cyclone DDS](../docs/charts/round_trips.png)
 
@@ -1423,7 +1429,7 @@ table(*lines)
 # Declare it as `array[uint8, n]`.
 #
 # In the chart, the time of Cyclone DDS jumps at 4 MB. Such a message does not fit into the receive buffer of 1 MiB, so
-# packets are probably lost and sent again (we did not count them). The jump says little about DDS with a larger buffer.
+# packets are probably lost and sent again.
 #
 # *What to choose.* In one process, pass a pointer. On one machine, use shared memory for large messages. Between
 # machines, use what the rest of your robots use, and compute bandwidth and packets first.
@@ -1464,8 +1470,7 @@ print(f"response times of 1,000 sets of 8 tasks: {1e3 * (perf_counter() - begun)
 # ### Fragments: how one lost packet loses an image
 #
 # A network packet carries about 1,500 bytes, so a VGA image is split into more than six hundred **fragments**. We
-# assume one fragment per packet. (Some middleware sends datagrams of several packets, which IP splits. Then one lost
-# packet costs its whole datagram.) The image is complete only if all fragments arrive. Assume that each packet is lost
+# assume one fragment per packet. The image is complete only if all fragments arrive. Assume that each packet is lost
 # with probability $p$, independently. Then all $n$ fragments arrive with probability $(1 - p)^n$, and
 #
 # $$P(\text{image lost}) = 1 - (1 - p)^n .$$
@@ -1485,7 +1490,7 @@ predict("one_in_ten_thousand")
 # $$\sum_{k=0}^{\infty} \left(1 - (1 - p^k)^n\right).$$
 #
 # Each round after the first costs one more trip there and back. The chart compares both formulas with the bus and with
-# a real socket whose packets we dropped at random.
+# a real socket whose packets we dropped at random. Bands: 95% confidence intervals.
 #
 # ![Lost messages and rounds against packets, theory, bus and socket](../docs/charts/lost_fragments.png)
 
@@ -1499,8 +1504,8 @@ show("reliable_resends_all")
 # simply replaced by the next one. With reliable delivery the lost command is sent again and arrives late. Later ones
 # wait behind it, because a reliable topic preserves the order.
 #
-# In the picture a trip takes 6 ms. The servo notices the loss when the lost command should have arrived. Its request
-# for the repair takes one trip back, and the repair one more trip there.
+# In the picture a trip takes 6 ms. We assume the best case: the servo notices the loss when the lost command should
+# have arrived. Its request for the repair takes one trip back, and the repair one more trip there.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(2, 1, figsize=(8, 3.2), layout="constrained", sharex=True)
@@ -1549,14 +1554,14 @@ predict("late_or_lost")
 # better. In this run the curves cross where the round trip takes somewhat less than one command period, so compare
 # these two times.
 #
-
-#
 # <details><summary>What differs on DDS</summary>
 #
-# On the bus, the writer stores enough commands to repeat any of them, and the reader notices a loss at once. A DDS
-# reader notices a loss only when the next message arrives, or when the writer reports what it has sent (a
-# **heartbeat**). A writer of depth 1 can repeat a command only until it writes the next one. After that, later commands
-# wait until the writer has reported that the lost one is gone.
+# On the bus, the writer stores enough commands to repeat any of them, and the reader notices a loss at once. Some
+# middleware sends datagrams of several packets, which IP splits, so that one lost packet costs its whole datagram. A
+# DDS reader notices a loss only when the next message arrives, or when the writer reports what it has sent (a
+# **heartbeat**). Without a heartbeat, the repair comes a command period later. A writer of depth 1 can repeat a command
+# only until it writes the next one. After that, later commands wait until the writer has reported that the lost one is
+# gone.
 #
 # </details>
 #
@@ -1635,7 +1640,8 @@ with loop.urgent() as granted:
 #   deadline server reserves time for ordinary tasks instead.
 #
 # A real-time kernel shortens some of these waits, but page faults and garbage collection remain. *PREEMPT_RT* is a
-# configuration of the Linux kernel with which a more urgent task can preempt most of the kernel's own code.
+# configuration of the Linux kernel with which a more urgent task can preempt most of the kernel's own code. Xenomai's
+# *Cobalt* is a second kernel next to Linux with its own real-time threads (Xenomai 3 documentation).
 
 # %%
 show("fifo_makes_real_time")
@@ -1732,10 +1738,9 @@ plt.show()
 # ![Error of a lookup against look-ahead, and against the time between transforms](../docs/charts/transform_lookups.png)
 #
 # For a look-ahead well above $T$, the bound of the linear continuation grows with the square of the look-ahead, and the
-# bound of holding only in proportion to it. So the line loses in the end. Each point of the chart is the largest error
-# over a whole swing of 2 s. There the line loses if the look-ahead exceeds 0.3 of this period (dotted): the camera has
-# turned back, but the line goes on. At a single moment, as in the picture above, it can lose much earlier. SciPy's
-# Slerp has the same error as our buffer.
+# bound of holding only in proportion to it. Each point of the chart is the largest error over a whole swing of 2 s.
+# There the line loses if the look-ahead exceeds 0.3 of this period (dotted): the camera has turned back, but the line
+# goes on. For "SciPy's Slerp", NumPy interpolates the positions, with the same error as our buffer.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 timing = next(line for line in read("transform_lookups").splitlines() if "of a lookup" in line)
@@ -1834,12 +1839,13 @@ more_claims(
 #
 # **Debugging tip.** *The controller is jittery*: it runs at uneven intervals. Record the three timestamps of each
 # cycle. If the loop is a callback, it is not enough that it is shorter than a period, because it also waits for other
-# callbacks. Setting `use_sim_time` does not help: it only selects the simulated clock.
+# callbacks.
 #
 # <details><summary>What people get wrong here</summary>
 #
-# They request real-time priority and do not read back what was granted. Or they look at the mean period, which is right
-# to the microsecond even if cycles come in bunches with gaps between them.
+# They request real-time priority and do not read back what was granted. Or they set `use_sim_time`, which only selects
+# the simulated clock. Or they look at the mean period, which is right to the microsecond even if cycles come in bunches
+# with gaps between them.
 #
 # </details>
 #
@@ -1886,15 +1892,50 @@ plt.show()
 
 # %% [markdown]
 # Each row is a run of two processes on Cyclone DDS. Its **built-in topics** list what discovery has found.
-#
-# | cause | other end listed | matched | how to tell |
-# |---|---|---|---|
-# | another domain id (`ROS_DOMAIN_ID`) | no | no | no participant is discovered; compare the ids |
-# | no multicast, no peer named | no | no | no participant is discovered, although the ids agree |
-# | no multicast, one end names the other as a peer | yes | yes | it works; one direction is enough |
-# | same topic name, other type | yes | no | no event here; compare the type names of both ends |
-# | incompatible QoS | yes | no | the event *offered incompatible QoS* names the policy |
-#
+
+# %% tags=["hide-code"]
+table(
+    ("cause", "other end listed", "matched", "how to tell"),
+    (
+        "another domain id (`ROS_DOMAIN_ID`)",
+        "no",
+        "no",
+        "no participant is discovered; compare the ids",
+    ),
+    (
+        "no multicast, no peer named",
+        "no",
+        "no",
+        "no participant is discovered, although the ids agree",
+    ),
+    (
+        "no multicast, one end names the other as a peer",
+        "yes",
+        "yes",
+        "it works; one direction is enough",
+    ),
+    ("incompatible QoS", "yes", "no", "the event *offered incompatible QoS* names the policy"),
+    (
+        "same topic name, other type name",
+        "yes",
+        "no",
+        "the same event names *type consistency*; compare both type names",
+    ),
+    (
+        "same type name, a field added, changed or renamed",
+        "yes",
+        "no",
+        "the same event; compare the type hashes",
+    ),
+    (
+        "the same, types declared *appendable*",
+        "yes",
+        "yes",
+        "no event; the reader gets 0 for an added field",
+    ),
+)
+
+# %% [markdown]
 # A service hides the same causes. DDS writes its request without an error even if nobody serves it. Discovery tells the
 # cases apart:
 
@@ -1922,12 +1963,22 @@ except ImportError as error:
 # %% [markdown]
 # In ROS 2, call `wait_for_service` first, and give each request a time limit.
 #
-# <details><summary>Same type name, other definition: the type hash of ROS 2</summary>
+# <details><summary>Same type name, other definition: what Cyclone DDS and ROS 2 compare</summary>
 #
-# Two computers may have different versions of one message. Since Iron (2023), ROS 2 computes a **type hash** for each
-# interface: the text `RIHS01_` and a SHA-256 of its description (REP 2016, a draft). Discovery sends it along, and
-# `ros2 topic info -v` shows it for each end. So a difference can be seen. Whether the ends are matched nevertheless
-# depends on the middleware.
+# Two computers may have different versions of one message. On Cyclone DDS, each end announces a hash of its definition
+# (the *type identifier* of DDS-XTypes). We gave both ends the same type name and different fields. The hashes differed
+# in each case. Cyclone takes a type as *final* unless it is declared otherwise. Then a field that is added, changed or
+# renamed prevents the match. The event *offered incompatible QoS* names the policy *type consistency*, and no message
+# is decoded with the wrong definition. (The status *inconsistent topic*, which DDS has for this, stayed at 0.)
+#
+# If both types are declared *appendable*, an added field does not prevent the match. A reader that knows the field gets
+# 0 although nobody sent it. To prevent this, the reader can set the policy *type consistency* to *disallow type
+# coercion*; then these two ends were not matched either.
+#
+# Since Iron (2023), ROS 2 computes a **type hash** of its own for each interface: the text `RIHS01_` and a SHA-256 of
+# its description (REP 2016). On DDS it travels in the user data that each end announces, and `ros2 topic info -v` shows
+# it. REP 2016 does not require the middleware to reject a mismatch. Whether ROS 2 matches the ends depends on the
+# middleware, which may compare only the type names. So compare the hashes.
 #
 # </details>
 
@@ -1935,21 +1986,23 @@ except ImportError as error:
 more_claims("mismatch_is_late", "listed_is_matched")
 
 # %% [markdown]
-# <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>nothing arrives</td>
-# <td>incompatible QoS; or another topic name, type or domain; or nothing is published; or no server for a service, or a
-# callback that never returns</td> <td>compare both ends (`ros2 topic info --verbose`)</td> <td>raise the offer, or
-# lower the request</td></tr> <tr><td>messages late by whole periods</td> <td>a full queue</td> <td>set the depth to
-# 1</td> <td>depth 1, or read everything and use the newest</td></tr> <tr><td>the larger the message, the later it
-# is</td> <td>serialisation, or fragments sent again</td> <td>send a small message; if it is fast, size matters. Send
-# the large one within one computer; if that is fast, the link is slow</td> <td>another message type, one process,
-# shared memory, compression</td></tr> <tr><td>late between reception and callback</td> <td>other callbacks run
-# first</td> <td>time each callback, add them up</td> <td>a group and a thread of its own, or a process</td></tr>
-# <tr><td>jitter grows with load</td> <td>ordinary scheduling, or a lock</td> <td>read back scheduler, core and memory
-# locking; test under load</td> <td>SCHED_FIFO; priority inheritance; no lock in the loop</td></tr> <tr><td>period too
-# long by a constant</td> <td>the loop sleeps for a period</td> <td>measure the drift over a thousand periods</td>
-# <td>sleep until the release</td></tr> <tr><td>a display that starts late stays empty</td> <td>one end is volatile or
-# best effort</td> <td>start it first: if it stays empty, the writer offers too little</td> <td>transient local and
-# reliable at both ends; treat unknown as unsafe</td></tr> </table>
+# <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>nothing arrives: not
+# matched</td> <td>incompatible QoS; or another topic name, type or domain</td> <td>compare both ends (`ros2 topic info
+# --verbose`)</td> <td>raise the offer or lower the request; or the same name, type and domain</td></tr> <tr><td>nothing
+# arrives: matched</td> <td>nothing is published, or a callback never returns</td> <td>`ros2 topic hz`; log when each
+# callback starts and ends</td> <td>publish; end what the callback waits for</td></tr> <tr><td>messages late by whole
+# periods</td> <td>a full queue</td> <td>set the depth to 1</td> <td>depth 1, or read everything and use the
+# newest</td></tr> <tr><td>the larger the message, the later it is</td> <td>serialisation, or fragments sent again</td>
+# <td>send a small message; if it is fast, size matters. Send the large one within one computer; if that is fast, the
+# link is slow</td> <td>another message type, one process, shared memory, compression</td></tr> <tr><td>late between
+# reception and callback</td> <td>other callbacks run first</td> <td>time each callback, add them up</td> <td>a group
+# and a thread of its own, or a process</td></tr> <tr><td>jitter grows with load</td> <td>ordinary scheduling, or a
+# lock</td> <td>read back scheduler, core and memory locking; test under load</td> <td>SCHED_FIFO; priority inheritance;
+# no lock in the loop</td></tr> <tr><td>period too long by a constant</td> <td>the loop sleeps for a period</td>
+# <td>measure the drift over a thousand periods</td> <td>sleep until the release</td></tr> <tr><td>a display that starts
+# late stays empty</td> <td>one end is volatile or best effort</td> <td>start it first: if it stays empty, the writer
+# offers too little</td> <td>transient local and reliable at both ends; until the first status arrives, assume that it
+# is unsafe</td></tr> </table>
 #
 # ## 8 · Exercises
 #
@@ -2218,10 +2271,9 @@ plt.show()
 predict("chunk_hides")
 
 # %% [markdown]
-# A chunk hides the *pause*, not the age. Count from the image: when the last action of a chunk ends, its image is as
-# old as one inference plus the whole chunk. That is 100 + 20 = 120 ms with one action, and 100 + 100 = 200 ms with
-# five. With one action, however, the arm then stands still until the next action comes, and its image ages to 200 ms as
-# well.
+# A chunk hides the *pause*, not the age. When the last action of a chunk ends, its image is as old as one inference
+# plus the whole chunk. That is 100 + 20 = 120 ms with one action, and 100 + 100 = 200 ms with five. With one action,
+# however, the arm then stands still until the next action comes, and its image ages to 200 ms as well.
 #
 # The ages in the table include three more times: the camera's own, the wait for its next image, and the wait for the
 # arm's next action. So they are larger:

@@ -168,15 +168,30 @@ def test_bad_input(call, report):
     [
         ("works", 1, ["course::Joint"], True, ""),
         ("other domain", 0, [], False, ""),
-        ("other type", 1, ["course::Pose"], False, ""),
+        ("other type", 1, ["course::Pose"], False, "type_consistency"),
         ("other policy", 1, ["course::Joint"], False, "reliability"),
         ("no peer", 0, [], False, ""),
         ("with a peer", 1, ["course::Joint"], True, ""),
+        ("field added", 1, ["course::Joint"], False, "type_consistency"),
+        ("field changed", 1, ["course::Joint"], False, "type_consistency"),
+        ("field renamed", 1, ["course::Joint"], False, "type_consistency"),
+        ("appendable", 1, ["course::Joint"], True, ""),
+        ("no coercion", 1, ["course::Joint"], False, "type_consistency"),
     ],
 )
 def test_what_is_listed_and_what_is_matched(case, participants, types, matched, policy):
     result = discovery.discover(case)
-    assert result == discovery.Discovered(participants, bool(types), types, matched, policy)
+    assert (result.participants, result.types) == (participants, types)
+    assert (result.listed, result.matched, result.policy) == (bool(types), matched, policy)
+    # The hash of the definition differs even where the type name does not.
+    assert result.same_hash == (case not in ("other type", *discovery.DEFINITIONS))
+    assert result.inconsistent == 0
+    # Nothing is decoded with another definition, except that an appendable type gets a default.
+    missing = {"effort": 0.0} if case == "appendable" else {}
+    assert result.received == ({"number": 7} | missing if matched else {})
+
+
+def test_an_unknown_case_of_discovery_is_rejected():
     with pytest.raises(ValueError, match="case must be"):
         discovery.discover("no cable")
 
@@ -187,7 +202,7 @@ def test_what_is_listed_and_what_is_matched(case, participants, types, matched, 
     [
         ("answers", True, True, "", True, "answers"),
         ("no server", False, False, "", False, "not discovered"),
-        ("other type", True, False, "", False, "type mismatch"),
+        ("other type", True, False, "type_consistency", False, "type mismatch"),
         ("other policy", True, False, "durability", False, "policy mismatch"),
         ("busy", True, True, "", False, "server busy"),
     ],

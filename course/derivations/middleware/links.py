@@ -458,22 +458,28 @@ def service_takes_five(result):
 @claim(
     "If a tool lists a subscriber of your topic, your publisher's messages reach it.",
     "Being listed only means that discovery works. On Cyclone DDS, {listed:.0f} of {cases:.0f} "
-    "ways to disagree left the other end listed and not matched: another type under the same topic "
-    "name, and incompatible quality of service. Only the latter raises an event, which named "
-    "{policy}. With another domain id, or without multicast and without a peer, {unlisted:.0f} of "
-    "{silent:.0f} cases listed nothing. Naming the other computer as a peer helped, and one "
-    "direction was enough.",
-    source="OMG, DDS 1.4, 2015, built-in topics; Cyclone DDS, measured",
+    "ways to disagree left the other end listed and not matched: incompatible quality of service, "
+    "another type name, and the same type name with a field added, changed or renamed. Each raised "
+    "an event. It named {policy} for the quality of service, and {definition} for the types. If "
+    "both types are declared appendable, an added field does not prevent the match, and the reader "
+    "gets {missing:.0f} for it. With another domain id, or without multicast and without a peer, "
+    "{unlisted:.0f} of {silent:.0f} cases listed nothing. Naming the other computer as a peer "
+    "helped, and one direction was enough.",
+    source="OMG, DDS 1.4, 2015, built-in topics; DDS-XTypes 1.3, 2020; Cyclone DDS, measured",
 )
 def listed_is_matched(result):
     from course.oracles.discovery import discover
 
-    apart = {case: discover(case) for case in ("other type", "other policy")}
+    fields = {case: discover(case) for case in ("field added", "field changed", "field renamed")}
+    apart = {case: discover(case) for case in ("other type", "other policy")} | fields
+    appendable = discover("appendable")
     unseen = {case: discover(case) for case in ("other domain", "no peer")}
     works = {case: discover(case) for case in ("works", "with a peer")}
     result.measure("cases", len(apart))
     listed = result.measure("listed", sum(x.listed and not x.matched for x in apart.values()))
     result.measure("policy", apart["other policy"].policy)
+    result.measure("definition", apart["field added"].policy.replace("_", " "))
+    missing = result.measure("missing", appendable.received.get("effort", np.nan))
     result.measure("silent", len(unseen))
     unlisted = result.measure("unlisted", sum(not x.listed for x in unseen.values()))
     result.statement = "Two processes on Cyclone DDS in each case, without multicast."
@@ -481,7 +487,10 @@ def listed_is_matched(result):
     result.correction_holds(
         listed == len(apart),
         apart["other policy"].policy == "reliability",
-        apart["other type"].policy == "",
+        apart["other type"].policy == "type_consistency",
+        all(x.policy == "type_consistency" and not x.same_hash for x in fields.values()),
+        all(x.types == ["course::Joint"] for x in fields.values()),
+        appendable.matched and not appendable.same_hash and missing == 0.0,
         unlisted == len(unseen),
         sum(x.participants for x in unseen.values()) == 0,
         all(x.matched and x.listed for x in works.values()),
