@@ -549,9 +549,9 @@ answer("relative_sleep", "1/(T + C)")
 # task with the shortest period.
 #
 # A task's **response time** is the time from its release to the end of its work. It is longest at a
-# **critical instant**, when all tasks are released at the same moment. This is true if the tasks are **independent** (none waits
-# for another task or for anything else) and all of them meet their deadlines. The picture shows a critical instant of a
-# controller (period 1 ms), a filter (10 ms) and a planner (100 ms).
+# **critical instant**, when all tasks are released at the same moment. This is true if the tasks are **independent**
+# (none waits for another task or for anything else) and all of them meet their deadlines. The picture shows a critical
+# instant of a controller (period 1 ms), a filter (10 ms) and a planner (100 ms).
 #
 # <details><summary>Why the same moment?</summary>
 #
@@ -1278,10 +1278,9 @@ Markdown(f"```cpp\n{textwrap.dedent(update)}```\n\n{folded}")
 # remains in force. In the second, a reading is missing or invalid (NaN), and the joint gets zero torque. Zero torque
 # does not hold a joint; only its brake can. The brake closes some time after its current is cut.
 #
-# Let $t$ be the time
-# from the first cycle without torque until the brake has closed. If the joint was at rest and the other joints hold
-# still, the centre of mass of what it carries drops by at most $g\,t^2/2$, as in free fall. (If several joints are
-# limp, an outer link can fall faster.)
+# Let $t$ be the time from the first cycle without torque until the brake has closed. If the joint was at rest and the
+# other joints hold still, the centre of mass of what it carries drops by at most $g\,t^2/2$, as in free fall. (If
+# several joints are limp, an outer link can fall faster.)
 #
 # When `update` returns `ERROR`, the controller manager of ros2_control deactivates the controller and activates its
 # `fallback_controllers` (since Jazzy, 2024). The hardware component has to cut the current of the brakes.
