@@ -1053,7 +1053,8 @@ table(*rows)
 # Identification won on the twin: one robot, and a log of it. Randomisation helps where you have no log: a wide range
 # does much better than the plain simulator (first two rows).
 #
-# Common advice is to identify what is fixed and to randomise what varies. Here the second half gains nothing: the interval of the difference between the last two rows (above the table) contains zero.
+# Common advice is to identify what is fixed and to randomise what varies. Here the second half gains nothing: the
+# interval of the difference between the last two rows (above the table) contains zero.
 #
 # <details><summary>Which approach in which situation: a table</summary>
 #
@@ -1130,8 +1131,8 @@ curves("varying_arms", 1, "median error [mrad] at a load [kg] of", {name: name f
 # adaptive law doesn't recover: the torques act late, so the oscillation drives the estimated inertia *up*.
 #
 # A heavy arm gets too weak a feedback instead. With the adaptive law it stays stable until the estimate is corrected,
-# even far beyond the training. Gains that never change, and the student, work a little beyond the training, then
-# fail. At 1.5 kg and above, the best gains in hindsight beat the teacher: they are picked for each arm, the teacher's one
+# even far beyond the training. Gains that never change, and the student, work a little beyond the training, then fail.
+# At 1.5 kg and above, the best gains in hindsight beat the teacher: they are picked for each arm, the teacher's one
 # set serves all.
 #
 # <details><summary>The four panels, and the original RMA</summary>
@@ -2087,7 +2088,8 @@ table(*rows)
 #
 # The charts below vary each fault beyond its limit. The first one divides the force by the force that the box needs:
 # below 1 the box slips. A force that is far too *large* makes the closing fingers knock the box out. (Lost boxes are
-# drawn at 200 mm.) With default contacts some lifts fail even below the servo's limit of the time step: in one long step a finger sinks millimetres into the box (last panel), and it may push the box out.
+# drawn at 200 mm.) With default contacts some lifts fail even below the servo's limit of the time step: in one long
+# step a finger sinks millimetres into the box (last panel), and it may push the box out.
 #
 # ![Grip, camera and step, swept to both sides of their limits](../docs/charts/break_it.png)
 #
