@@ -207,11 +207,11 @@ SCENARIO = Scenario(
     "drive pulls it to the middle. The slide starts at rest, a little off the middle, and a brake "
     "and friction should damp its motion. Instead the motion grows, and after about a "
     "thousand steps the slide is lost: it has left its range. Some probes change one thing "
-    "and return the time ratio: the time until the slide is lost, divided by the time without "
-    "the change. Each of these probes stops its run after about three times the time of the "
-    "unchanged run. So if the slide survives, the time ratio is about three. You can read the "
-    "program, but not the parameters that this simulation uses; you can only run the probes "
-    "below. What is the cause, and what do you change?",
+    "and return the time ratio: the simulated time until the slide is lost, divided by this "
+    "time without the change. Each of these probes stops its run after about three times the "
+    "time of the unchanged run. So if the slide survives, the time ratio is about three. You "
+    "can read the program, but not the parameters that this simulation uses; you can only run "
+    "the probes below. What is the cause, and what do you change?",
     symptom_words="steps until the slide is lost or the run ends,",
     unit="",
     symptom=symptom,
