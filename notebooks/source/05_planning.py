@@ -1,10 +1,10 @@
 # %% [markdown]
 # # 5 · Motion planning
 #
-# *A robot has to get from the green start to the yellow goal without touching anything red. Answer the question first.
-# Its wall comes back in section 2. Then press* Plan. About {open minutes} minutes of reading, cards and charts. The
-# folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes. The interview in section 10 is
-# not counted.
+# *A robot has to get from the green start to the yellow goal without touching anything red. Answer the question below
+# first; the wall in it returns in section 2. Then press* Plan. About {open minutes} minutes of reading, cards and
+# charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes. The interview in
+# section 10 is not counted.
 
 # %%
 from course.cards import predict
@@ -121,7 +121,6 @@ def bare(axis, title, low=0.0, high=10.0):
 # The price is the shape of the obstacles. A configuration is blocked when any part of the arm touches anything, and the
 # set of blocked configurations has no simple formula. But one operation is always possible: take a single
 # configuration, place the arm accordingly, and test whether it touches something. This is a **collision check**.
-# Sampling-based planners build everything on such checks, of configurations and of edges.
 
 # %%
 predict("shape_of_a_disc")
@@ -267,11 +266,11 @@ for axis, count in zip(axes[2:], (60, 600), strict=True):
 plt.show()
 
 # %% [markdown]
-# Why does the tree spread instead of clumping? Look at the second sketch. All points of one patch have the same
-# nearest node. A node at the border of the tree owns a large empty region, so most samples fall there and pull that
-# node outwards. The right half shows a **bug trap**: the corridor to the only exit juts into the room. It begins in the
-# middle of the room. Branches that have already reached the walls don't help; a new branch has to grow from the middle
-# into the corridor. So the tree fills the room long before it finds the way out.
+# Why does the tree spread instead of clumping? Look at the second sketch. All points of one patch have the same nearest
+# node. A node at the border of the tree owns a large empty region, so most samples fall there and pull that node
+# outwards. The right half shows a **bug trap**: the corridor to the only exit juts into the room. Branches at the walls
+# don't help; a new branch has to grow from the middle of the room, where the corridor begins. So the tree fills the
+# room long before it finds the way out.
 #
 # ### What "probabilistically complete" promises
 #
@@ -328,11 +327,12 @@ plt.show()
 # If you have to use points, enlarge the obstacles first (middle picture). Two check points are a distance $s$ apart,
 # and the edge passes the centre of a disc of radius $r$ at a distance $h \le r$. A check point lies within $s/2$ of the
 # point of the edge that is nearest to the centre. By Pythagoras it is at most $\sqrt{h^2 + s^2/4}$ from the centre,
-# hence at most $\sqrt{r^2 + s^2/4}$. Enlarge the disc to this radius, and a check point lies inside it whenever an edge
-# touches the original disc. (Other shapes need another margin.)
+# hence at most $\sqrt{r^2 + s^2/4}$. Enlarge the disc to this radius, and whenever an edge touches the original disc, a
+# check point is in the enlarged one.
 #
 # **A worked example.** A post has a radius of 0.3 m, the points are 0.4 m apart. The enlarged radius is $\sqrt{0.09 +
-# 0.04} = 0.36$ m. So checking at points adds 6 cm to the radius of each post.
+# 0.04} = 0.36$ m. So checking at points adds 6 cm to the radius of each post. For any other shape a margin of $s/2$,
+# here 20 cm, is always enough: no point of the edge is farther than that from a check point.
 #
 # For a point robot among discs and polygons, check points are unnecessary: whether a segment meets a disc or a polygon
 # can be computed exactly. The chart shows the share of colliding edges that each method accepts, for a wall crossed at
@@ -363,8 +363,7 @@ plt.show()
 #
 # When the gap has shrunk to a few micrometres, the check stops and reports a collision. So its errors are on one side
 # only. It may reject an edge that barely passes. It never accepts an edge on which the arm hits an obstacle, provided
-# that the obstacles stand still and the measured distance is never too large. (Contact between the arm's own links is
-# another check, see section 7.) You will write this check in section 8.
+# that the obstacles stand still and the measured distance is never too large.
 #
 # The simulation starts with check points 0.5 m apart, and the tree grows through the wall. Press *Plan*. Then set
 # *Edges checked* to *exactly* and plan again: no path comes back.
@@ -461,12 +460,12 @@ plt.show()
 #
 # **A worked example.** Start and goal are 11.3 m apart with nothing between, the step size is 1 m. In the first round
 # the tree of the start adds one node. The tree of the goal then walks all the way to it, about eleven nodes, and the
-# problem is solved with a single sample. If instead each tree adds only one edge per sample, the two approach by at
-# most 2 m per sample, so they need at least six samples.
+# problem is solved with a single sample. With only one edge per tree and sample, the trees would need at least six
+# samples, since each brings them at most 2 m closer.
 #
 # A **narrow passage** is a part of the free space that every path has to cross and that random samples rarely hit. If a
-# passage is as hard to enter from one side as from the other, the second tree helps little: both trees have to find it
-# by chance. (The corridor of the bug trap is hard to enter only from inside; there it helps a lot.)
+# passage is as hard to enter from one side as from the other, the second tree helps less: both trees have to find it by
+# chance.
 
 # %%
 predict("both_ends_of_a_slit")
@@ -477,9 +476,9 @@ simulation("growing", "Narrow gap")
 # %% [markdown]
 # Try several seeds and both planners. The number of samples varies enormously from seed to seed, so comparing two
 # single runs shows nothing. A comparison needs its settings, the spread over many seeds, path lengths before and after
-# shortening, and a fair unit: one sample of RRT-Connect may cost many edge checks. Here is one with all of this: a
-# square of 10 m, a wall of 0.5 m, steps of 1 m, a goal bias of 5 % for RRT, exact edge checks, a goal that has to be
-# connected, 100 seeds.
+# shortening, and a fair unit: one sample of RRT-Connect may cost many edge checks. Here is one: a square of 10 m, a
+# wall of 0.5 m, steps of 1 m, a goal bias of 5 % for RRT, exact edge checks, a goal that has to be connected, 100
+# seeds.
 
 # %% tags=["hide-code"]
 lines = [
@@ -510,9 +509,8 @@ table(*lines)
 
 # %% [markdown]
 # A narrower gap lengthens the search and shrinks the advantage of RRT-Connect, which is smaller in edge checks than in
-# samples: at the 2 % gap the medians of the edge checks are nearly equal. (From each new node within a step of the
-# goal, our RRT also tries the edge to the goal. So it makes slightly more edge checks than samples.) After shortening
-# (section 3) both planners return practically the shortest path.
+# samples: at the 2 % gap the medians of the edge checks are nearly equal. (Our RRT also checks edges to the goal, which
+# are no samples.) After shortening (section 3) both planners return practically the shortest path in this scene.
 
 # %%
 more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
@@ -533,8 +531,8 @@ simulation("growing", "Bug trap")
 # The second idea is to place samples where passages are. A **bridge test** samples two nearby configurations. If *both*
 # collide and the midpoint between them is free, it keeps the midpoint, which is then likely to lie in a passage. A
 # **Gaussian sampler** asks for less: exactly one of the two must collide, and the other one is kept, so its samples
-# follow every surface. (The bridge samples in open space below are uniform ones: our sampler takes one when many bridge
-# tests in a row have failed.)
+# follow every surface. (After 100 failed bridge tests in a row, our sampler takes a uniform sample. These are the dots
+# outside the corridor on the right below; each bridge test that succeeded lies inside.)
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
@@ -600,7 +598,7 @@ plt.show()
 # **A worked example.** The nearest node to the new one is *a*, but over *a* its path would be 6.0 m long; straight from
 # the start it is 4.6 m, so the start becomes its parent. Node *c* had a path of 9.7 m. It is 4.8 m from the new node,
 # and $4.6 + 4.8 = 9.4$ m is shorter, so *c* is rewired. Node *b* is not: its path of 6.7 m is shorter than the 8.0 m
-# over the new node. (In the sketch, the numbers are path lengths from the start, and the dotted circle is the radius.)
+# over the new node. (In the sketch, numbers are path lengths from the start; the dotted circle shows the radius.)
 #
 # A planner is **asymptotically optimal** if the length of its best path converges to the optimum with probability one.
 # The path of RRT\* never gets longer, since a node changes its parent only for a shorter path. For convergence to the
@@ -698,8 +696,8 @@ plt.show()
 show("lazy_tests_the_final_path")
 
 # %% [markdown]
-# Being lazy also helps when something has moved. From here on, the scene is a shelf with an arm of seven joints (*7-R
-# arm* in the charts). The arm reaches from one compartment into another.
+# Being lazy also helps when something has moved. The next scene is a shelf with an arm of seven joints (*7-R arm* in
+# the charts). The arm reaches from one compartment into another.
 
 # %% tags=["hide-code"]
 requested = planning.shelf("open")
@@ -731,9 +729,9 @@ for k, name in enumerate(("open", "tight")):
 plt.show()
 
 # %% [markdown]
-# Blue is a start, green a goal, each with the fingertip inside a compartment. The open shelf has
-# two rows of compartments, the tight one has three rows, each of them lower. Now somebody places a ball of 8 cm radius
-# in front of the open shelf before each query, and any edge of the stored roadmap might be blocked.
+# Blue is a start, green a goal, each with the fingertip inside a compartment. The open shelf has two rows of
+# compartments, the tight one three lower ones. Now somebody places a ball of 8 cm radius in front of the open shelf
+# before each query, and any edge of the stored roadmap might be blocked.
 
 # %%
 predict("after_the_ball")
@@ -750,7 +748,8 @@ for k in range(5):
     rows.append((k + 1, reply.edge_checks, reply.path.shape[1] - 1, passed))
 counts = f"The stored roadmap has {len(roadmap.nodes)} nodes and {len(roadmap.pairs):,} edges."
 both = "Where the two numbers of edges are equal, no edge that was checked is blocked."
-Markdown(f"{table(*rows).data}\n\nThe edges that join start and goal are included. {both} {counts}")
+joined = "The edges that join start and goal to the roadmap are included."
+Markdown(f"{table(*rows).data}\n\n{joined} {both} {counts}")
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
@@ -844,10 +843,9 @@ table(*rows)
 # the gradient of a smoothness cost plus an obstacle cost, and spreads each change over the neighbouring waypoints so
 # that the path bends instead of kinking.
 #
-# **TrajOpt** (Schulman and others 2014) replaces the cost by a **convex** one, each of whose minima is global, and
-# which is accurate only near the present path. It looks for the minimum in a small region around this path, and repeats
-# from there. Waypoints too close to an obstacle cost extra. (The published version also tests the volume swept between
-# waypoints, ours only midpoints.)
+# **TrajOpt** (Schulman and others 2014) also has a cost for waypoints too close to an obstacle. Near the present path
+# it approximates the total cost by a **convex** function, whose minima are all global. It minimises this function in a
+# small region around the path, and repeats.
 #
 # **STOMP** (Kalakrishnan and others 2011) needs no gradient: it averages noisy variations of the trajectory. The
 # cheaper a variation is, the more it counts.
@@ -875,8 +873,8 @@ plt.show()
 # %% [markdown]
 # The chart tests this with 169 initial guesses in a scene of 16 discs. Each guess leads in two straight lines from the
 # start near the lower left corner to the goal near the upper right corner. The point where the lines meet is its **via
-# point**. The mark there shows the optimiser's result: free and within 5 % of the shortest (*free, shortest*), free and
-# longer, or in collision. Black rings are the discs.
+# point**. The mark there shows the optimiser's result: free and at most 5 % longer than this optimiser's shortest free
+# result (*free, shortest*), free and longer, or in collision. Black rings are the discs.
 #
 # ![Result of two optimisers for 169 initial guesses, at the via point of each
 # guess](../docs/charts/optimiser_minima.png)
@@ -885,7 +883,7 @@ plt.show()
 counted = {(a, b): n for a, b, n in key("optimiser_minima", r"^(CHOMP|TrajOpt) +(.*?) +(\d+) of")}
 ((heavy,),) = key("optimiser_minima", r"^CHOMP with five times the weight: (\d+) collide")
 rows = table(
-    ("optimiser", "free, within 5 % of the shortest", "free, longer", "in collision"),
+    ("optimiser", "free, at most 5 % over its shortest", "free, longer", "in collision"),
     *((name, *(counted[name, x] for x in ("free, shortest", "free, longer", "collides")))
       for name in ("CHOMP", "TrajOpt")),
 )  # fmt: skip
@@ -897,8 +895,7 @@ Markdown(
 # Both optimisers are our own short versions, with one setting each (24 waypoints, a desired clearance of 20 cm). The
 # counts show how much depends on initial guess and settings; they are no ranking.
 #
-# The card below repeats the test in a more crowded scene. What helps is a better initial guess, such as a planner's
-# path, or the best valid result of several guesses.
+# What helps is a better initial guess, such as a planner's path, or the best valid result of several guesses.
 
 # %%
 show("optimisers_get_stuck")
@@ -911,11 +908,10 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 #
 # A path says where, not when. **Time parameterisation** assigns a time to each point of a path. Here it is the
 # time-optimal one: the fastest motion along the path that respects the velocity and acceleration limits of all joints.
-# (*Rate* means the velocity of a joint.)
 #
 # Let $s$ grow along the path, and let $q(s)$ be the configuration at $s$, with the derivatives $q'$ and $q''$ with
-# respect to $s$. On a straight line $s$ is the distance. A rounded corner is a parabola, quadratic in $s$; $q'$ does
-# not jump where it joins the lines, and $s$ is not exactly the distance there. The path speed $\dot s$ says how fast
+# respect to $s$. On a straight line $s$ is the distance. A rounded corner is a parabola, quadratic in $s$, and $q'$
+# does not jump where it joins the lines. There $s$ is not exactly the distance. The path speed $\dot s$ says how fast
 # $s$ grows. The chain rule gives the joint accelerations:
 #
 # $$\ddot q = q'(s)\,\ddot s + q''(s)\,\dot s^2 .$$
@@ -923,8 +919,8 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 # The left side is limited for every joint. Fix the path speed $\dot s$ at one point. Then each joint allows an interval
 # of path accelerations $\ddot s$, and the robot may use those that all joints allow. Two things cap the path speed at a
 # point: the velocity limits of the joints, and in a bend also the acceleration limits, since above some speed no $\ddot
-# s$ suits all joints. This cap is dotted in the left sketch, with dips at two bends. That turns a problem with many
-# joints into one with a single unknown function, the path speed. Two passes find it:
+# s$ suits all joints. This cap is dotted in the left sketch, with dips at two bends. So the only unknown left is the
+# path speed. Two passes find it:
 #
 # 1. *Backward*, from the goal at rest: at each point compute the highest speed from which the robot can still slow
 #    down before each limit ahead.
@@ -975,10 +971,10 @@ for axis, title in zip(
 plt.show()
 
 # %% [markdown]
-# On a straight line, the fastest rate over time is a **trapezoid**: accelerate, cruise, brake; on a short one, a
-# triangle. The plot on the right shows the motion for the path among the discs: at nearly every moment one of the
-# limits (dotted) is reached, and none is exceeded. The accelerations jump: their derivative, the **jerk**, is not
-# limited here. Many arms need a limit on it, too.
+# On a straight line from rest to rest, the fastest velocity over time is a **trapezoid**: accelerate, cruise, brake; on
+# a short one, a triangle. The plot on the right shows the motion for the path among the discs: at nearly every moment
+# one of the limits (dotted) is reached, and none is exceeded. The accelerations jump: their derivative, the **jerk**,
+# is not limited here. Many arms need a limit on it, too.
 #
 # **A worked example.** One joint moves 2 rad with at most 1 rad/s and 2 rad/s². Speeding up takes 0.5 s and covers 0.25
 # rad, braking the same. The remaining 1.5 rad take 1.5 s, so the motion lasts 2.5 s.
@@ -995,12 +991,11 @@ plt.show()
 #
 # In a computer the two passes visit a grid of points along the path. In each interval between two of them the path
 # acceleration $\ddot s$ is constant, but the joint accelerations $\ddot q$ change with $\dot s$. Some schemes test
-# $\ddot q$ only at the first point of each interval, others at both ends. (The library TOPP-RA offers both.) The last
-# point of an interval is the first of the next one, but there another $\ddot s$ applies.
+# $\ddot q$ only at the first point of each interval, others at both ends.
 #
 # Is it enough to test both ends? On a straight line $q''$ is zero, and on a parabola in its own parameter it is
 # constant. Then $\ddot q$ changes linearly with $s$ in the interval, so it is largest at one of the ends. On a circular
-# arc the direction of $q''$ turns, and $\ddot q$ can be larger in between. A motor drive may then shut down.
+# arc the direction of $q''$ turns, and $\ddot q$ can be larger in between.
 
 # %%
 show("limits_between_grid_points")
@@ -1012,7 +1007,7 @@ show("limits_between_grid_points")
 # The left plot shows by how much the acceleration exceeds its limit inside the intervals, on straight lines and
 # parabolas. With a test at both ends, only rounding errors remain. In the right plot, the motion takes less time the
 # earlier the rounding of a corner begins. But a larger rounding also leaves the checked path farther. Timing every
-# joint on its own, with its own trapezoid, hardly saves time here, and it makes the robot leave the checked path.
+# joint with its own trapezoid hardly saves time here, and the robot leaves the checked path.
 
 # %%
 more_claims("shortcut_share")
@@ -1082,9 +1077,10 @@ print(f"for a motion of {motion.duration:.2f} s between two compartments of the 
 #
 # A planner needs one function from you: is this configuration free? The cell below plans around a ring that is known
 # only through such a function. Edges are checked at points 2 cm apart, because a yes-or-no function offers nothing
-# better. Since points can miss a shallow cut, the function keeps 5 cm away from the ring (dashed in the picture), also
-# at its opening. Then the path is shortened and timed. `check_path` validates it twice, the second time with its
-# rounded corners. (Here it calls the same `is_free` at points 2 cm apart, so it cannot find an error in `is_free`.)
+# better. For this spacing, the margin of section 2 is 1 cm. The function keeps 5 cm away from the ring (dashed in the
+# picture), also at its opening. Then the path is shortened and timed. `check_path` validates it twice, the second time
+# with its rounded corners. (Here it calls the same `is_free` at points 2 cm apart, so it cannot find an error in
+# `is_free`.)
 
 
 # %% tags=["show-code"]
@@ -1122,9 +1118,8 @@ bare(axis, "two trees (blue, purple), shortened path", -2.0, 2.0)
 plt.show()
 
 # %% [markdown]
-# (`planning` is the planning code of the course, `scenes` its ready-made worlds.) What should a
-# planner do with bad input? A wrong *argument* is the caller's mistake and raises an error that names it. A start in
-# collision is a normal situation for a robot and gets a *status*, so that the level above can react:
+# What should a planner do with bad input? A wrong *argument* is the caller's mistake and raises an error that names it.
+# A start in collision is a normal situation for a robot and gets a *status*, so that the level above can react:
 
 # %% tags=["show-code"]
 gap = scenes.gap(0.1)
@@ -1162,13 +1157,13 @@ predict("first_of_ten_ideas")
 # roadmap. The single trees and version 7 stop after 20,000 samples, the others after 200,000; with more samples they
 # might solve more. Version 1 also stops after five seconds.
 #
-# The test has 100 queries that have a solution when nothing has moved. Version 1 got every 20th of them, versions 2 and
-# 3 every 10th, the others all. Each query was run once with the shelf unchanged ("still", in the table) and once with a
-# ball in front of it ("moved").
+# The test has 100 queries that have a solution when nothing has moved. Version 1 was run on every 20th of them,
+# versions 2 and 3 on every 10th, the others on all. Each query was run once with the shelf unchanged (*still* in the
+# chart; the table shows only this case) and once with a ball in front of it (*moved*).
 #
-# The chart shows versions 4 to 10, which got all queries: the median and the slowest query. The slowest is a single run
-# and changes a lot from one set of queries to the next. A triangle at the top edge means that at least one query stayed
-# unsolved.
+# The chart shows versions 4 to 10, which were run on all 100 queries: the median and the slowest query. A triangle at
+# the top edge means that at least one query stayed unsolved. If that is true of both *still* and *moved*, one triangle
+# covers the other. The dashed lines skip such a version.
 #
 # ![Planning time of seven versions at two shelves, median and slowest query](../docs/charts/shelf_ladder.png)
 
@@ -1200,27 +1195,40 @@ rows = table(
       for k, (name, title) in enumerate(VERSIONS.items(), 1)),
 )  # fmt: skip
 once = " and ".join(f"{seconds} s at the {shelf} shelf" for shelf, seconds in built)
-Markdown(f"{rows.data}\n\nNot in the table: building the stored roadmap once took {once}.")
+# The first three versions with the ball: compiled, the medians are finite and the edges the same.
+(*_, few_), (solved_, of_, points_, edges_), (*_, proof_, _) = key(
+    "shelf_ladder",
+    r"^(?:RRT in Python|compiled|edges proved) +moved open +(\d+) of +(\d+), "
+    r"ms: median +(\S+), .*; +(\d+) edges",
+)
+Markdown(
+    f"{rows.data}\n\nNot in the table: building the stored roadmap once took {once}. With the ball, "
+    f"at the open shelf, version 1 checks {few_} edges within five seconds. Versions 2 and 3 each check "
+    f"{int(edges_):,} edges, in {float(points_) / 1e3:.2g} s and {float(proof_) / 1e3:.2g} s, and solve "
+    f"{solved_} of {of_} queries. (These numbers of edges and seconds are medians.) All times exclude "
+    "shortcuts, and we did not compare path lengths."
+)
 
 # %% [markdown]
 # What each version contributed:
 #
-# * *1 to 3.* One tree with short steps. Versions 1 and 2 check an edge at points 0.01 rad apart, version 3 by
-#   conservative advancement. None solves more than half of its queries in the table.
+# * *1 to 3.* One tree with short steps. Versions 1 and 2 check points 0.01 rad apart. Versions 2 and 3 each check an
+#   edge much faster than the version before (numbers below the table). But in the table, none solves more than half of
+#   its queries.
 # * *4. Longer steps.* Nearly all queries are solved. This is OMPL's default, a fifth of the space's extent.
-# * *5. RRT-Connect.* Solves the remaining ones and lowers the median.
+# * *5. RRT-Connect.* With its larger limit it solves the remaining ones. The median falls, too.
 # * *6. Bridge samples.* Median and slowest query take longer.
-# * *7. A lazy roadmap, built for the query.* Slower than RRT-Connect in the median, and some queries stay unsolved.
+# * *7. A lazy roadmap, built for the query.* Slower than RRT-Connect in the median, and some queries stay unsolved
+#   within its smaller limit.
 # * *8 and 9. A stored roadmap.* The median is somewhat longer than with RRT-Connect. Version 8 joins start and goal to
 #   near nodes by straight edges, and uses RRT-Connect where that fails. In version 9 a small tree grows from each end
 #   until it reaches the roadmap. Its slowest query takes less time than that of version 5 at both shelves, still and
 #   moved.
 # * *10. Earlier paths added.* No consistent gain: the median is longer than that of version 9 in three of four cases.
-#   So stop at version 9.
+#   So we stop at version 9.
 #
-# By the median, version 4 already stays below the required tenth of a second. For each of these 100 queries, at both
-# shelves, still and moved, only versions 9 and 10 do. One run per query is weak evidence for that: before you promise
-# it, repeat with other seeds.
+# By the median, version 4 is below the required tenth of a second. For every query, at both shelves, still and moved,
+# only versions 9 and 10 do. One run per query is weak evidence: before you promise it, repeat with other seeds.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -1238,10 +1246,9 @@ more_claims("both_ends_first")
 # %% [markdown]
 # ### Compared with OMPL
 #
-# OMPL is the standard open-source library for sampling-based planning. We ran its RRT-Connect in two ways: with a
-# Python function that checks single configurations (*Python states* in the chart), and with our compiled edge check,
-# which OMPL calls through Python once per edge. World, step size and goal are the same on both sides. A path that
-# `check_path` rejects counts as no path.
+# We ran the RRT-Connect of the library OMPL in two ways: with a Python function that checks single configurations
+# (*Python states* in the chart), and with our compiled edge check, which OMPL calls through Python once per edge.
+# World, step size and goal are the same. A path that `check_path` rejects counts as no path.
 #
 # ![Share of seeds with a valid path against time, compared with OMPL, in four scenes](../docs/charts/plan_times.png)
 
@@ -1267,14 +1274,16 @@ table(
 # %% [markdown]
 # With the same compiled edge check, OMPL takes about as long as our planner in most scenes, and several times as long
 # at the 2 % gap. The curve *OMPL's own part* omits the time inside our edge check, but not the cost of calling it from
-# C++. At the 2 % gap even this part takes longer than our whole plan in the median; we did not measure why.
+# C++.
 #
 # In the last two columns of the table, two things change at once: the check runs in Python, and it tests points instead
-# of whole edges. So they don't show what Python alone costs. At OMPL's default spacing, 1 % of the diagonal of the
-# space, some of the returned paths are in collision. (The curve *OMPL, Python, 0.2%* has a fifth of that spacing.)
+# of whole edges. We did not separate the two: a compiled check at points is missing. At OMPL's default spacing, 1 % of
+# the diagonal of the space, some of the returned paths are in collision. (The curve *OMPL, Python, 0.2%* has a fifth of
+# that spacing.)
 #
-# In all scenes but the 2 % gap, the choice of the check changed the time far more than the choice between these two
-# planners. So use the library, which is maintained and offers many planners, and spend your effort on the edge check.
+# In all scenes but the 2 % gap, the two changes together cost far more time than the choice between the two
+# implementations of RRT-Connect. So use the library, which is maintained and offers many planners, and spend your
+# effort on a compiled edge check.
 #
 # <details><summary>Samples of both planners, and the seven-joint arm in detail</summary>
 #
@@ -1330,8 +1339,10 @@ plt.show()
 # ![Probability that two points are joined through a slab, a hole and a tunnel, and samples that RRT-Connect needs, by
 # dimension](../docs/charts/narrow_passages.png)
 #
-# A curve ends where no sampled pair saw each other (left) or where the median exceeds the budget (right, triangle).
-# The bands are quartiles over 100 seeds. OMPL (dashed) shows similar growth.
+# On the left we sampled 100,000 pairs for each point; a curve ends where none of them saw each other. (Where the
+# probability is only a few in 100,000, that can be chance.) On the right, a filled triangle at the top edge means that
+# the median exceeds the budget. At dimension 5 it does so for hole and tunnel, in both implementations: their triangles
+# cover each other. The bands are quartiles over 100 seeds.
 #
 # In seven dimensions the slab still needs only a few samples. The hole gets harder by a large factor with each
 # dimension. So count the directions in which your passage is narrow, and remove some of them: first plan to a
@@ -1377,8 +1388,8 @@ show("slow_plans_are_slow_questions")
 #
 # **Debugging tip.** *The motion is jerky, or far too long.* Find out which of four it is. Corners in free space: use
 # shortcuts. Jumps of the acceleration: limit the jerk. Stops at each waypoint: that is the timing; round the corners in
-# passing. A long detour: the path passes an obstacle on its longer side, in another homotopy class, and no smoothing
-# changes that; plan again, or use RRT\*. After each fix run the collision check again.
+# passing. A long detour: the path passes an obstacle on its longer side, in another homotopy class. No spline changes
+# that, and a shortcut only by luck; plan again, or use RRT\*. After each fix run the collision check again.
 #
 # </div>
 #
@@ -1401,8 +1412,8 @@ more_claims("blocked_ends_are_named")
 #
 # **Self-collision** and the **held object**. Check each pair of links that can meet. Once the gripper holds a cup, the
 # cup is part of the robot: attach its shape to the hand, allow the contact between hand and cup, and treat every stored
-# edge as unchecked. Conservative advancement still proves an edge if its bounds include the cup, and the motion of two
-# links against each other.
+# edge as unchecked. Conservative advancement still proves an edge if the reach $r_i$ includes the cup. For two links of
+# the arm, the gap can shrink by at most the sum of both motions.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 4, figsize=(10, 2.6), layout="constrained")
@@ -1439,10 +1450,11 @@ bare(axes[3], "kinodynamic: simulated controls")
 plt.show()
 
 # %% [markdown]
-# The chart shows what these checks cost (left), and how many configurations and paths collide if the planner omits them
-# (right). The checks of the arm against itself and of a cup together triple the time of an edge check. The paths were
-# planned between starts and goals that are free also with the cup. Still, nearly all of those planned without the cup
-# collide once it is held. (*Coal* is a standard library for general shapes, called from Python on the same capsules.)
+# On the left, the chart shows what these checks cost: each bar adds one check to the bar above it, and both together
+# triple the time of an edge check. On the right, it shows how many configurations and paths collide if the planner
+# omits a check; *cup* counts only what passes the check of the arm against itself. Starts and goals are free also with
+# the cup. Still, nearly all paths planned without the cup collide once it is held. (*Coal* is a standard library for
+# general shapes, called from Python on the same capsules.)
 #
 # ![Time of a check with self-collision and a held cup, and collisions missed without
 # them](../docs/charts/held_object.png)
@@ -1475,7 +1487,7 @@ more_claims("limits_keep_an_arm_from_itself")
 # about a quarter (third sketch).
 #
 # The next plot shows a planned path. Each edge has an upper bound on its tilt, computed without check points. The bound
-# stays below the allowed 1°.
+# stays below the allowed 1°. (A dot at the lower edge means a tilt near zero.)
 
 # %% tags=["hide-code"]
 from course.charts.planning.constraints import carried
@@ -1496,19 +1508,20 @@ worst_ = np.array([
 proved_ = np.degrees(manifold.chord_tilt(carried_[:, :-1], carried_[:, 1:]))
 at_ = (np.arange(worst_.size) + 0.5) / worst_.size
 _ = axis.plot(at_, proved_, "_", color=BLUE, ms=8, label="bound of each edge")
-_ = axis.plot(at_, worst_, ".", color=GREEN, label="largest tilt on each edge of CBiRRT's path")
+shown_ = np.maximum(worst_, 1.5e-5)  # a tilt of zero has no place on the axis
+_ = axis.plot(at_, shown_, ".", color=GREEN, label="largest tilt on each edge of CBiRRT's path")
 _ = axis.axhline(1.0, color=GREY, ls=":")
 _ = axis.text(0.5, 1.4, "allowed: 1°", fontsize=8, color=GREY, ha="center")
 _ = axis.set(xlabel="share of the motion", ylabel="tilt of the cup [°]", ylim=(1e-5, 300))
 _ = axis.legend(fontsize=7.5, loc="lower center", ncols=3, bbox_to_anchor=(0.5, 1.0))
 plt.show()
 side_ = "below" if worst_.max() < 1 else "above"
-print(f"largest tilt: {direct.max():.0f}° on a straight edge, {side_} 1° on the manifold")
+direct_ = f"{direct.max():.0f}° on the straight edge"
+print(f"largest tilt: {direct_}, {side_} 1° on each edge of CBiRRT's path")
 
 # %% [markdown]
 # The edges must be checked for collisions as well. OMPL's planner for constraints checks configurations at a spacing
-# that you choose, and nothing between them. So its paths can collide. The table in the fold shows how many did, at two
-# spacings that we tried.
+# that you choose, and nothing between them. So its paths can collide.
 #
 # <details><summary>Projection, and a bound on the tilt between two states</summary>
 #
@@ -1594,8 +1607,8 @@ figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
 # nearest to a sample, and adds the result that comes closest to the sample (fourth sketch). We tried it with a point of
 # limited acceleration among 150 posts, 6 cm thick, in a square of 10 m. Two results:
 #
-# * Of the trajectories that were checked only at points 0.1 s apart, nearly half hit a post. With a margin that covers
-#   the motion between two points, none did.
+# * Of the trajectories that were checked only at points 0.1 s apart, nearly half hit a post. (At up to 2 m/s along each
+#   axis, two points can be more than 20 cm apart.) With a margin that covers the motion between two points, none did.
 # * Which node is *nearest*? When we chose the one from which the sample can be reached soonest, the trajectories lasted
 #   less than two thirds as long as with the Euclidean distance of position and velocity.
 #
@@ -1657,13 +1670,10 @@ figures(read("kinodynamic_bounds"), summary="Samples, times and posts hit")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# There are graded exercises for the ideas of this chapter. As a warm-up, write the RRT of section 2: `drills start rrt`
-# in a terminal. The `check` cells run your function in a separate process, on cases that are generated each time. They
-# report what is right, what is wrong and, if they recognise the mistake, its cause.
+# As a warm-up, write the RRT of section 2: `drills start rrt` in a terminal. The `check` cells run your function in a
+# separate process, on cases that are generated each time.
 #
 # ### Clearance of a straight edge
-#
-# The question that a planner asks most often.
 
 # %%
 card("edge_clearance")
@@ -1837,7 +1847,7 @@ answer("edge_by_ten_points", "s^2/(8*r)")
 # %% [markdown]
 # ### Put it into your robot
 #
-# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+# Your graded answers are parts of the pick-and-place robot of `drills robot`.
 
 # %%
 your_robot(5)
@@ -1854,9 +1864,9 @@ your_robot(5)
 # probabilistically complete.
 #
 # The test worlds have three walls with one slit each. The first panel of the chart shows one of them with the proposed
-# samples, the second the worlds of the training family, the third the same worlds rotated by 90°. The bridge test of
-# section 2, used for a fifth of the samples, needs the most checks: those of its failed attempts count as well, and we
-# did not tune its length. The last panel belongs to the diffusion model, which comes next.
+# samples, the second the worlds of the training family, the third the same worlds rotated by 90°. The curve *bridge
+# test* is no fair comparison: we did not tune the bridge's length. The last panel belongs to the diffusion model, which
+# comes next.
 #
 # ![A learned sampler and a diffusion planner, compared with methods without
 # learning](../docs/charts/learned_planners.png)
@@ -1874,18 +1884,20 @@ checks = {a.strip(): rest for a, *rest in key(
     "learned_planners",
     r"^(.{24,32}?) median +(\d+) checks \((\d+) to (\d+) by seed\), 90 % within (\d+)",
 )}  # fmt: skip
-rows = [("where samples come from", "collision checks: median (range over seeds)",
-         "90 % of the queries within")]  # fmt: skip
+rows = [("where samples come from",
+         "collision checks, median of 200 worlds: middle of three seeds (least to largest)",
+         "90 % of the worlds within")]  # fmt: skip
 for name, title in NAMES.items():
     middle, least, largest, tail = (f"{int(n):,}" for n in checks[name])
     rows.append((title, f"{middle} ({least} to {largest})", tail))
 table(*rows)
 
 # %% [markdown]
-# So ask three questions about a learned sampler. What does its *input* cost? A mobile robot may have a map anyway. (For
-# an arm, the grid would have to mark free configurations, and a camera shows only the workspace.) Filling the grid with
-# collision checks costs more than the median query saves; only the hard queries still gain. What would a *simple*
-# method such as a grid search make of the same input? And how far is your world from those of the training?
+# So ask three questions about a learned sampler. What does its *input* cost? A mobile robot may have a map anyway. For
+# an arm, a camera shows only the workspace, not which configurations are free. If a state counts as much as an edge, as
+# here, filling the grid with collision checks costs more than the median query saves; only the hard queries still gain.
+# What would a *simple* method such as a grid search make of the same input? And how far is your world from those of the
+# training?
 #
 # A bad sampler can't make a path collide, because every edge is still checked. As long as uniform samples are mixed in,
 # it can only make the planner slow.
@@ -1929,8 +1941,9 @@ show("diffusion_is_collision_free")
 # %% [markdown]
 # In the last panel of the chart, *diffusion, checked* returns the first of eight proposals that is free; if none is,
 # the query stays unsolved. *Pushed out* first moves each proposal out of the discs with an optimiser. *Bent lines* are
-# untrained guesses. RRT-Connect with shortcuts is the fastest here. After the optimiser, bent lines are faster in the
-# median than the proposals of the diffusion model, and slower on the hardest queries.
+# untrained guesses. RRT-Connect with shortcuts is the fastest here, in the plane and on one CPU core; the diffusion
+# network would usually run on a graphics card. After the optimiser, bent lines are faster in the median than the
+# proposals of the diffusion model, and slower on the hardest queries.
 #
 # For each of these often cited planners, ask what guarantees that the result is free:
 # was a collision check passed, or was only a cost low?
@@ -2002,8 +2015,9 @@ plt.show()
 # at points along each edge</td></tr> </table>
 #
 # VAMP's authors report a median planning time of 35 µs for a seven-joint arm, on other queries and another CPU. We
-# covered our arm with spheres, somewhat larger than the links (*swelling*: by which share of the radius; 0.1 for the
-# times), and checked 32 points of an edge at a time:
+# imitated only its edge check, so our times say nothing about VAMP's speed. We covered our arm with spheres of a larger
+# radius than the links. The excess, as a share of the radius, is the *swelling*; it is 0.1 where times are shown. We
+# checked 32 points of an edge at a time:
 #
 # ![Time of an edge check in batches, and free edges rejected](../docs/charts/batch_edges.png)
 
@@ -2022,8 +2036,8 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# At 0.05 rad, batches are faster than the same points one by one. Compared with the proof, they are about as fast on
-# free edges and slower on colliding ones. Besides, larger spheres reject free edges (third plot), and nothing is
+# At 0.05 rad, our batches are faster than the same points one by one. Compared with the proof, they are about as fast
+# on free edges and slower on colliding ones. Besides, larger spheres reject free edges (third plot), and nothing is
 # checked between two points.
 #
 # <details><summary>Limits of the batches; BIT* and graphs of convex sets, run in the plane</summary>
