@@ -33,8 +33,9 @@ simulation("joint")
 # * choose a controller for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# In the simulation, *settled* means that the error stays below 2 % of the step. You need the equations of motion of
-# chapter 4, linear differential equations, and eigenvalues.
+# In the simulation, *settled* means that the error stays below 2 % of the step. *Growth* and margins follow in *The
+# sampled loop as a matrix* and *Stability margins*. You need the equations of motion of chapter 4, linear differential
+# equations, and eigenvalues.
 #
 # ## How this chapter works
 #
@@ -195,9 +196,9 @@ show("integral_removes_the_error")
 show("error_derivative_kick")
 
 # %% [markdown]
-# The spike in the command is the **derivative kick**. Choose the preset *Derivative kick* on the first screen, then
-# switch to the derivative of the measurement. The spike is gone. So differentiate the measurement if the set-point can
-# jump. On a planned motion use $\dot q_d - \dot q$, as section 2 does.
+# The spike in the command is the **derivative kick**. In the preset *Derivative kick* of the first screen, it is gone
+# once you switch to the derivative of the measurement. So differentiate the measurement if the set-point can jump. On a
+# planned motion use $\dot q_d - \dot q$, as section 2 does.
 #
 # <details><summary>A continuous joint: wrap the error</summary>
 #
@@ -228,7 +229,7 @@ predict("jammed")
 
 # %% [markdown]
 # This build-up of the I term is called **windup**. Choose the preset *A jam* on the first screen, watch the joint run
-# away, then switch on anti-windup. Two methods are in use:
+# away, then switch on anti-windup. Two methods are common:
 #
 # * **Conditional integration** stops the sum while the command is at a limit and the error would push the command
 #   further beyond the limit.
@@ -345,8 +346,8 @@ for late in (0.0, 0.005, 0.02, 0.05):
     )
 
 # %% [markdown]
-# A delay of 20 ms lowers the ultimate gain from 1000 to 24 N m/rad. The left chart shows it for all delays. The right
-# one shows how a simulator with one physics step per sample hides it (section 7):
+# A delay of 20 ms lowers the ultimate gain from 1000 to 24 N m/rad (left chart). In the right chart, the hold is the
+# only delay, and a simulator with one physics step per sample hides it (section 7):
 #
 # ![Ultimate gain against delay, and against a simulator's steps](../docs/charts/delay_limit.png)
 
@@ -369,7 +370,7 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # * The **crossover frequency** is the frequency at which the open-loop gain is 1. The **phase margin** is the
 #   additional phase lag there that makes the loop unstable.
 # * The **delay margin** is the additional delay that makes the loop unstable. It is the phase margin in radians,
-#   divided by the crossover frequency in rad/s. (With several crossover frequencies, the smallest result counts.)
+#   divided by the crossover frequency in rad/s. (With several crossovers, the smallest result counts.)
 #
 # A **Bode plot** draws gain and phase over the frequency, with logarithmic axes for gain and frequency:
 
@@ -411,14 +412,15 @@ plt.show()
 #
 # ### Nyquist plot, sensitivity and bandwidth
 #
-# Margins look at two frequencies only. The **Nyquist plot** shows all of them. For each frequency, gain and phase
+# The margins look at two frequencies only. The **Nyquist plot** shows all of them. For each frequency, gain and phase
 # together form one complex number $L$. Its distance from zero is the open-loop gain, and its angle is negative for a
 # lag. The plot draws all these points as a curve. The critical point is $-1$: gain 1 and a lag of 180 degrees. So in a
 # stable loop, the smallest distance of the curve from $-1$ shows how close the loop is to instability.
 #
 # What does the closed loop do to a disturbance that is a sine? Let $d$ be the error that it would cause without
-# control, and $e$ the error that remains. The loop turns $e$ into the motion $L\,e$ of the joint, and this motion is
-# subtracted from $d$. So $e = d - L\,e$, and the ratio $e/d$ is the function $S$ below:
+# control, and $e$ the error that remains. A loop with one signal has the same $L$ wherever you cut it. Now cut it at
+# the error: the loop turns $e$ into the joint's motion $L\,e$, which reduces the error. So $e = d - L\,e$, and the
+# ratio $e/d$ is the function $S$ below:
 #
 # $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
 #
@@ -448,7 +450,8 @@ show("more_gain_rejects_everywhere")
 
 # %% [markdown]
 # This is the **waterbed effect**: in a loop with a hold or a delay, if you push $\lvert S\rvert$ down at some
-# frequencies, it rises at others. A common design rule is $M_s \le 2$: it bounds gain margin and phase margin at once.
+# frequencies, it rises at others. A common design rule is $M_s \le 2$, which also guarantees a phase margin of at least
+# 29 degrees.
 
 # %%
 more_claims("peak_sensitivity_bounds_margins")
@@ -473,8 +476,9 @@ for one in stored("pd_triangles")[0].series:
     print(f"{one.label:<28}{np.nanmax(one.y):6.3f} J/dt^2")
 
 # %% [markdown]
-# The difference of two angles, divided by $dt$, is the rate of half a sample ago. With a command that is also a sample
-# late, both delays together divide the highest stable $K_p$ by more than twenty. The right chart belongs to section 7.
+# The difference of two angles, divided by $dt$, is the mean rate over the last sample, so it is half a sample late.
+# With a command that is also a sample late, both delays together divide the highest stable $K_p$ by more than twenty.
+# The right chart belongs to section 7.
 #
 # ### Encoder, friction and torque limit
 #
@@ -533,8 +537,8 @@ plt.show()
 # </details>
 #
 # **Saturation** means that the command is at the torque limit. While it is there, a larger error or a higher gain
-# changes nothing. So no gain replaces torque: a motor can catch a pendulum at rest only up to the angle at which
-# gravity's torque equals the torque limit.
+# changes nothing. So no gain replaces torque. A pendulum that should stand upright, but starts at rest at an angle at
+# which gravity's torque exceeds the torque limit, falls.
 #
 # <details><summary>From where a weak motor can catch a pendulum</summary>
 #
@@ -556,8 +560,8 @@ figures(read("saturation_region"), summary="Largest angle at rest, computed and 
 #
 # **Key insight.** Add up the delays of a loop: half a sample for the hold, the computing time, and the communication.
 # The D term has further delays: half a sample if the rate is a difference, and about the time constant of its filter.
-# With inertia and friction, these delays limit the gain of a rigid joint, so compute this limit before you tune. The
-# **resonance** of an elastic gear, at which motor and arm swing against each other, often lowers it further.
+# Together with inertia and friction, these delays limit the gain of a rigid joint, so compute this limit before you
+# tune. The **resonance** of an elastic gear, at which motor and arm swing against each other, often lowers it further.
 #
 # </div>
 
@@ -593,8 +597,8 @@ show("ziegler_nichols_is_safe")
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD_t} = 0 .$$
 #
 # The solutions $s$ are the **poles** of the loop. Choose $K_p$ and $K_d$ so that three of them are equal and real. If
-# all others decay faster, the slowest part of the motion does not oscillate. The code computes this triple pole `s`
-# and both gains:
+# all others decay faster, the slowest part of the motion does not oscillate. The code computes this triple pole `s` and
+# both gains:
 #
 # <details><summary>Derive: three equal poles</summary>
 #
@@ -620,8 +624,9 @@ tried["often quoted"] = (27.0, 120.0, 1.5)
 tried["equal poles"] = (kp, 0.0, kd)
 
 # %% [markdown]
-# This output checks all rows with the growth of the matrix, and with a simulated step of 1 rad without a torque limit.
-# The row *often quoted* has the gains of many tutorials, which belong to another joint:
+# The row *often quoted* has gains that are often printed for this joint. On it they are unstable even without delay,
+# because $(b + K_d)\,K_p < J\,K_i$. The output checks all rows with the growth of the matrix, and with a simulated step
+# of 1 rad without a torque limit:
 
 # %% tags=["hide-code"]
 plant = control.held(A, B, dt, late)
@@ -653,8 +658,7 @@ print(", ".join(f"{pole:.1f}" for pole in slowest))
 # The chart repeats the test over many delays, without load, noise or torque limit. The three rows of the table
 # overshoot far, or are unstable (triangles at the top). The equal poles do not overshoot.
 #
-# The $K_p$ of the equal poles can be above $K_u$, because $K_u$ is the limit of P alone, and the D term raises it. But
-# the equal poles need $J$, $b$ and the delay, the table only the experiment. And without an I term, a load leaves an
+# The equal poles need $J$, $b$ and the delay, the table only the experiment. And without an I term, a load leaves an
 # error of $\tau_L/K_p$.
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
@@ -706,8 +710,9 @@ plt.show()
 
 # %% [markdown]
 # The remaining errors of the two controllers with the full model come from the hold: each torque is constant for a
-# sample while the arm moves on. The model torque of PD with feed-forward belongs to the planned motion: away from the
-# plan, it is wrong.
+# sample while the arm moves on. Do not rank these two here: PD makes the elbow stiffer than computed torque does.
+# (Section 6 compares them at equal stiffness.) The model torque of PD with feed-forward belongs to the planned motion:
+# away from the plan, it is wrong.
 #
 # Computed torque uses the measured angles and rates. Let its model be exact, and put its torque into the equation of
 # motion: the velocity terms and gravity cancel. Both sides are then $M$ times an acceleration, so $M$ cancels, too.
@@ -725,15 +730,15 @@ show("computed_torque_law")
 # The model can also be wrong, for instance because of a payload. **Adaptive control** (Slotine and Li 1987) changes the
 # model's parameters $\hat\theta$, such as masses, during the motion. The model's torque is $Y\hat\theta$. The matrix
 # $Y$ is the **regressor** of chapter 4. It is computed from the measured $q$ and $\dot q$, and from a reference
-# velocity $\dot q_r = \dot q_d + \Lambda e$ and its derivative, not from a measured acceleration.
+# velocity $\dot q_r = \dot q_d + \Lambda e$ and its derivative.
 #
 # The sum $s = \dot e + \Lambda e$ (not the pole $s$ of section 1) combines the errors of velocity and angle. The
 # torque is $Y\hat\theta + K s$, and the update is
 #
 # $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$
 #
-# where $\Lambda$, $\Gamma$ and the damping $K$ are positive gains. The update stops when $s$ is zero, even if
-# $\hat\theta$ is wrong.
+# where $\Lambda$, $\Gamma$ and the damping $K$ are positive definite matrices. The update stops when $s$ is zero, even
+# if $\hat\theta$ is wrong.
 
 # %%
 show("adaptive_finds_parameters")
@@ -796,7 +801,8 @@ predict("wrong_inertia")
 # The right side is the missing torque, divided by $\hat J$. If the motion is slow compared with the loop, the error is
 # about the right side divided by $K_p$, so it has the same shape: for inertia that of the acceleration, for viscous
 # friction that of the velocity. In faster motions the error lags. The picture shows one joint with 20 % more inertia
-# than in the model, or with friction that the model lacks. (The lag opens its lines into narrow loops.)
+# than in the model, or with viscous or Coulomb friction that the model lacks. (The lag opens its lines into narrow
+# loops.)
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.6), layout="constrained")
@@ -840,11 +846,10 @@ plt.show()
 # | the cosine of the angle from the horizontal | gravity |
 # | the torque above a certain size | a torque limit |
 #
-# The *logged* error is the set-point minus the *measured* angle. In a single sine, velocity and jerk have the same
-# shape, so use a motion of several frequencies. With large accelerations the first two rows look alike, because most of
-# the torque is needed for the acceleration. To separate them, hold the arm still against gravity, without an I term.
-# There a wrong inertia causes no error, and a wrong torque constant does. (So do a wrong gravity model and static
-# friction.)
+# In a single sine, velocity and jerk have the same shape, so use a motion of several frequencies. With large
+# accelerations the first two rows look alike, because most of the torque is needed for the acceleration. To separate
+# them, hold the arm still against gravity, without an I term. There a wrong inertia causes no error, and a wrong torque
+# constant does. (So do a wrong gravity model and static friction.)
 #
 # <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
 #
@@ -879,8 +884,8 @@ more_claims("error_follows_acceleration", "acceleration_means_inertia")
 #
 # $$J\int \ddot w\,q\,dt - b\int \dot w\,q\,dt = \int w\,\tau\,dt .$$
 #
-# Only the measured angle appears, not its derivatives. Each window gives one linear equation for $J$ and $b$, and
-# least squares over many windows gives both. This is one window:
+# Each window gives one linear equation for $J$ and $b$, and least squares over many windows gives both. This is one
+# window:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.3), layout="constrained")
@@ -936,7 +941,8 @@ for name, one in found.items():
     print(f"real change: {name:<18} named: {', '.join(one.causes)}, leaves {left:.2f} mN m")
 
 # %% [markdown]
-# Here is the relative error of the inertia with both methods, under little and much noise (windows of 0.3 s):
+# Here is the relative error of the inertia from the equation with test functions (*integral form*, windows of 0.3 s)
+# and from second differences, under little and much noise:
 
 # %% tags=["hide-code"]
 print_figures("what_a_log_tells", "integral form", "second differences")
@@ -965,14 +971,22 @@ more_claims("inertia_by_differences")
 # $x_{k+1} = A x_k + B u_k$ the LQR minimises the sum of $x^\mathsf{T}Qx + u^\mathsf{T}Ru$ over all samples. The
 # matrix $Q$ weights deviations of the state $x$, and $R$ weights the effort of the command $u$.
 #
-# The cost from the state $x$ onwards, under the best commands, is $x^\mathsf{T}Px$ with some matrix $P$. So the next
-# state $Ax + Bu$ costs $(Ax + Bu)^\mathsf{T}P\,(Ax + Bu)$. The best command minimises this plus its own cost
-# $u^\mathsf{T}Ru$. (The term $x^\mathsf{T}Qx$ does not depend on $u$.) Setting the derivative to zero gives
+# The cost from the state $x$ onwards, under the best commands, is $x^\mathsf{T}Px$ with some matrix $P$. The best
+# command minimises its own cost plus that of the next state. This gives
 #
 # $$u = -Kx,\qquad K = (R + B^\mathsf{T}PB)^{-1}B^\mathsf{T}PA,\qquad P = Q + A^\mathsf{T}P\,(A - BK) .$$
 #
 # The last equation is the **Riccati equation**. You can solve it by repetition: start with $P = Q$, compute $K$, then
 # the next $P$.
+#
+# <details><summary>Derive: the gain and the Riccati equation</summary>
+#
+# The next state $Ax + Bu$ costs $(Ax + Bu)^\mathsf{T}P\,(Ax + Bu)$, and the command costs $u^\mathsf{T}Ru$. (The term
+# $x^\mathsf{T}Qx$ does not depend on $u$.) Half of the derivative of this sum is $B^\mathsf{T}P\,(Ax + Bu) + Ru$. It is
+# zero at $u = -Kx$. With this command, the three terms together must be $x^\mathsf{T}Px$ again. This simplifies to the
+# Riccati equation.
+#
+# </details>
 #
 # **Worked example:** one state with $A = B = Q = 1$ and $R = 2$. Then $K = P/(2 + P)$ and $P = 1 + P(1 - K)$. The
 # solution is $P = 2$ and $K = 1/2$: every command halves the state.
@@ -1026,8 +1040,8 @@ _ = axes[0].legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# MPC plans 4 s ahead with the limited force, and the mass then follows both plans (crosses, every fourth sample). So it
-# brakes fully one to two samples of 0.1 s earlier. At almost 2 m/s, each sample saves nearly 0.2 m of overshoot.
+# MPC plans 4 s ahead. The crosses are its plans at 0 s and at 1.5 s. The mass then moves along them, because the plans
+# contain the limit. MPC brakes fully one to two samples of 0.1 s earlier than clipped LQR, so it overshoots less.
 #
 # <details><summary>What MPC saves, and what it costs</summary>
 #
@@ -1094,8 +1108,8 @@ plt.show()
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
-# With a horizon of 20 samples (one swing), nearly all runs with 8 rollouts succeed (upright and slow after 7 s). With 8
-# samples no run succeeds, even with 64 rollouts: in 0.8 s, swinging away from the target only costs.
+# With a horizon of 20 samples (one swing), nearly all runs with 8 rollouts succeed (upright and slow after 7 s). With a
+# horizon of 8 samples no run succeeds, even with 64 rollouts: in 0.8 s, swinging away from the target only costs.
 
 # %%
 more_claims("samples_find_the_plan")
@@ -1111,9 +1125,9 @@ more_claims("samples_find_the_plan")
 #
 # $$\boxed{\;F = M\,\ddot x + B\,\dot x + K\,(x - x_0)\;}$$
 #
-# You choose the virtual mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$, here along one
-# axis. $F$ is the *external* force with which somebody moves the hand along the path $x(t)$. If $M$ is the arm's own
-# mass and gravity is compensated, the command is $-B\dot x-K(x-x_0)$.
+# You choose the virtual mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$, here along one axis.
+# $F$ is the *external* force with which somebody moves the hand along the path $x(t)$. If $M$ is the arm's own mass,
+# the arm has no friction and gravity is compensated, the command is $-B\dot x-K(x-x_0)$.
 
 
 # %% tags=["hide-code"]
@@ -1211,18 +1225,27 @@ show("damping_is_safe")
 # (lower chart).
 #
 # The charts are for an arm of 4 kg with $b$ = 20 N s/m at 1 kHz. The upper left one has 2 ms of delay. In the lower
-# one, the hold is the only delay, the position loop has 40 kN/m and 800 N s/m, and the virtual damping is weak
-# (critical only on the softest wall):
+# one, the hold is the only delay, and the position loop has 40 kN/m and 800 N s/m. The virtual damping is critical for
+# the virtual mass on a wall of 100 N/m, the softest one. On stiffer walls the same damping is weak:
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
 # All walls of the upper right chart are pure springs. (*Own friction* means that the controller adds no damping.) Above
 # the limit of passivity, another passive wall can still make the arm unstable.
 #
-# The upper left chart also shows MuJoCo's soft contact (green). At stiff walls it accepts gains that are far too high,
-# and at soft walls it rejects gains that are fine. The reason: the share $d$ of the commanded force (`solimp`, 0.9 by
-# default) appears in the measured force in the same step, before the hand has moved. The force loop feeds it back with
-# the factor $-g\,d$, so above $g = 1/d$ the loop is unstable even at soft walls.
+# The upper left chart also shows MuJoCo. With a spring as the wall (crosses), the limit is right. Its soft contact has
+# another limit (green: the default `solimp`, $d$ = 0.9). At soft walls it rejects gains that are fine, and at stiff
+# walls it accepts gains that are far too high.
+#
+# <details><summary>Why the limit of a soft contact is different</summary>
+#
+# Both contacts of the chart are set so that a resting hand sinks in as deep as into the wall. The share $d$ of the
+# commanded force appears in the measured force in the same step, before the hand has moved. The force loop feeds it
+# back with the factor $-g\,d$, so above $g = 1/d$ the loop is unstable even at soft walls. Only the rest of the force
+# moves the hand, as if it were $1/(1 - d)$ times as heavy. With $d$ = 0.9 that is ten times, so at stiff walls the loop
+# through the wall is too weak. With $d$ = 0.02 (orange) the limit is nearly the wall's.
+#
+# </details>
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1346,8 +1369,7 @@ plt.show()
 #
 # For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-points of the stiff and the soft controller
 # move at this speed to 20 mm inside the wall. The force controller commands 10 N plus the gain times the force error,
-# minus the damping. It pushes the hand forwards. *Surface 2 mm off* is the change of the steady force when the surface
-# is 2 mm nearer than expected.
+# minus the damping. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm nearer than expected.
 
 # %% tags=["hide-code"]
 lines = [
@@ -1377,9 +1399,8 @@ lines.append(
 Markdown("\n".join(lines))
 
 # %% [markdown]
-# A hand that coasts into the wall at 0.1 m/s would have a peak of $v\sqrt{m k_e}$ = 20 N. The soft controller and the
-# damping of the force controller slow the hand down before it touches. The 58 N of the stiff controller are its steady
-# pressing (*at rest*), not the impact.
+# The first peak of the stiff controller is its steady pressing (*at rest*), not the impact. A hand that coasts into the
+# wall at this speed has a peak of $v\sqrt{m k_e}$ = 20 N.
 #
 # <details><summary>The first peak against the stiffness of the controller</summary>
 #
@@ -1391,8 +1412,8 @@ Markdown("\n".join(lines))
 # </details>
 #
 # A robot runs several loops inside each other, a **cascade**. You design the outer loop as if the inner one responded
-# at once. So the inner loop needs several times the bandwidth of the outer one. If both are of first order, four times
-# is just enough to avoid overshoot (derived below). Typical sample rates:
+# at once. So the inner loop needs several times the bandwidth of the outer one, not necessarily a higher sample rate.
+# If both are of first order, four times is just enough to avoid overshoot (derived below). Typical sample rates:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1446,12 +1467,12 @@ predict("delay_predicted")
 # last stable ones, and the torque noise grows. The *cascade* is a velocity loop with an I term inside a position loop.
 # The *observer with delay* has the delay in its model.
 #
-# On the left, the feed-forward has 90 % of the true torque. Cascade and observer reduce the rest: the cascade has an I
-# term, and the observer's estimate changes until it cancels the load.
+# On the left, the feed-forward has 90 % of the true torque.
 #
-# At equal noise, the predictors have a larger error than PD (on the left, with the same feed-forward), as far as its
-# curve reaches. They do not know the load (on the left, the missing 10 %), so their prediction is wrong. *Observer with
-# delay* has the smallest error: it removes the load, and its model of the delay allows higher gains:
+# Compare the predictors with PD (on the left, with *PD + feed-forward*). At equal noise their error is larger than
+# PD's, or nearly equal where the poles are slow. They do not know the load (on the left, the missing 10 %), so their
+# prediction is wrong. *Half the delay* predicts only 5 of the 10 ms. *Observer with delay* reaches the smallest error:
+# it removes the load, and its model of the delay allows higher gains:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1520,10 +1541,9 @@ more_claims(
 source(sampled._closed, "n, waiting, m")
 
 # %% [markdown]
-# The next listing is one sample of a PID controller for a real motor drive. Lines before it compute the filtered rate
-# `state[1]` from the measurement `y`. These lines limit the torque and its change per second (`slew`), and have both
-# methods against windup (`windup` is 1 for back-calculation with the time constant `tracking`, 2 for none). `weight`
-# multiplies the set-point in the P term:
+# The next listing is one sample of a PID controller. Lines before it compute the filtered rate `state[1]` from the
+# measurement `y`. These lines limit the torque and its change per second (`slew`). `windup` is 1 for back-calculation
+# with the time constant `tracking`, 2 for no anti-windup. `weight` multiplies the set-point in the P term:
 
 # %% tags=["hide-code"]
 source(control.pid._update, "error = setpoint - y")
@@ -1544,24 +1564,20 @@ source(control.mppi, "cost = _costs")
 
 # %% [markdown]
 # Here is the first simulation, with the preset *Hunting*: lower *Static / Coulomb* to one, and the hunting ends.
-# Four questions on other presets:
-#
-# 1. *P past its limit*: the motor has a torque limit. Does the oscillation grow for ever?
-# 2. *PD at its limit*: should you lengthen or shorten the sample time?
-# 3. *A weak motor*: do the margins warn you?
-# 4. *Z-N, PID*: which gain do you change first?
 
 # %%
 simulation("joint", "Hunting")
 
 # %% [markdown]
-# <details><summary>Answers</summary>
+# <details><summary>Four questions on other presets</summary>
 #
-# 1. No: it reaches a constant amplitude, because the torque limit bounds it. This looks like the ultimate gain but
-#    isn't.
-# 2. Shorten it: the largest $K_d$ is proportional to $J/dt$.
-# 3. No. They describe the linear loop, and while the motor is at its limit, that loop is open.
-# 4. Raise $K_d$. It adds phase where the loop crosses the gain 1.
+# 1. *P past its limit*: the motor has a torque limit. Does the oscillation grow for ever? No: it reaches a constant
+#    amplitude, because the torque limit bounds it. This looks like the ultimate gain but isn't.
+# 2. *PD at its limit*: should you lengthen or shorten the sample time? Shorten it: the largest $K_d$ is proportional to
+#    $J/dt$.
+# 3. *A weak motor*: do the margins warn you? No. They describe the linear loop; while the motor is at its limit, that
+#    loop is open.
+# 4. *Z-N, PID*: which gain do you change first? Raise $K_d$. It adds phase where the loop crosses the gain 1.
 #
 # </details>
 #
@@ -1571,15 +1587,15 @@ simulation("joint", "Hunting")
 #
 # A two-link arm with a payload of 0.5 kg follows one motion. The *right* model knows payload and friction, the *wrong*
 # model knows neither. The upper charts show the largest tracking error in the last 2 s against the sample rate. In the
-# upper right one, computed torque and half-sample preview coincide, and the triangles at the top are errors of MPPI
-# that are too large for the chart.
+# upper right one, computed torque and half-sample preview coincide, and the purple triangles at the top are errors of
+# MPPI that are too large for the chart.
 #
 # LQR, MPC and MPPI correct the deviation from the planned motion. *LQR along the path* linearises the model at every
 # sample of this motion, so it has one gain matrix per sample. MPC meets no limit, so its errors are LQR's.
 #
 # In the lower chart, only MPPI at 1 kHz computes for longer than the motion lasts (dotted line). Do not rank the others
-# by time: of these controllers, only preview is compiled as a whole. (*Pinocchio* and *MuJoCo* are preview with these
-# libraries.)
+# by time: of the controllers in this chart, only preview is compiled as a whole. (*Pinocchio* and *MuJoCo* are preview
+# with these libraries.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1634,12 +1650,11 @@ Markdown("\n".join(lines))
 # The *elbow stiffness* of the table is the elbow's torque per radian of its error. For computed torque it is $K_p$
 # times the model's inertia.
 #
-# With the exact model and no noise, half-sample preview reduces the error of computed torque by a factor of several
-# hundred.
+# With the exact model and no noise, half-sample preview removes nearly all of computed torque's error.
 #
 # With the wrong model, the table mostly ranks the stiffness. LQR is the stiffest, because neither delay nor noise
-# limits its gains here; its small error is not robustness. Even with adaptation off, the stiffer adaptive law has
-# only a ninth of computed torque's error. Adaptation then reduces it by a factor of about fifty.
+# limits its gains here; its small error is not robustness. Even with adaptation off, the stiffer adaptive law has a far
+# smaller error than computed torque. Adaptation reduces it further.
 #
 # <details><summary>PD with gravity compensation and computed torque at equal stiffness</summary>
 #
@@ -1667,7 +1682,7 @@ Markdown("\n".join(lines))
 # * Only gravity is known: PD with gravity compensation.
 # * Good model, known load: PD with feed-forward is the usual start. Computed torque with half-sample preview has a
 #   smaller error here, but all of its torque depends on measurements.
-# * Unknown load torque: an I term or a disturbance observer. The faster the load changes, the more bandwidth they need.
+# * Unknown load torque: an I term or a disturbance observer.
 # * Unknown payload on a moving arm: identify it, or use adaptive control with bounds on its estimate.
 # * The command reaches the torque limit, or the cost is not a tracking error: plan ahead. Use MPC if a linear model
 #   is good enough, otherwise MPC with the nonlinear model, or MPPI where that model has no useful gradient, such as
@@ -1720,10 +1735,16 @@ plt.show()
 #
 # </details>
 #
-# MuJoCo evaluates its built-in position servo in every physics step. So its limits (right chart of *Stable PD gains*)
-# differ from those of sampled PD (dashed), and depend on the integrator. *Euler* computes spring and damping with the
-# old state, so damping lowers the limit. *Implicitfast* uses the new velocity for the damping, so damping raises it.
-# *Discrete* also uses the new position for the spring, and has no limit in the range tried (triangles).
+# MuJoCo evaluates its position servo in every physics step. So its limits differ from those of sampled PD (dashed in
+# the right chart of *Stable PD gains*), and depend on the integrator.
+#
+# <details><summary>How the integrator changes the servo's limits</summary>
+#
+# *Euler* computes spring and damping with the old state, so damping lowers the limit. *Implicitfast* uses the new
+# velocity for the damping, so damping raises it. *Discrete*, new in MuJoCo 3.13, also uses the new position for the
+# spring, and has no limit in the range tried (triangles at the top).
+#
+# </details>
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -1791,9 +1812,13 @@ plt.show()
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The robot overshoots its target.* First look at the command. If it is at its limit during the step
-# and there is an I term, suspect windup, and try anti-windup. If that does not help, switch the I term off. If the
-# overshoot goes away, the I term was too large for the P term. If it stays, look at the delay margin. If the margin is
-# large, raise $K_d$ or lower $K_p$. If it is small, remove delay or lower the gains.
+# and there is an I term, suspect windup, and try anti-windup. If that does not help, or there is no I term, try a step
+# so small that the command stays below the limit. If only the large step overshoots, the motor cannot brake in time:
+# plan a slower motion.
+#
+# Otherwise switch the I term off. If the overshoot goes away, the I term was too large for the P term. If it stays,
+# look at the delay margin. If the margin is large, raise $K_d$ or lower $K_p$. If it is small, remove delay or lower
+# the gains.
 #
 # <details><summary>A common mistake</summary>
 #
@@ -2049,10 +2074,10 @@ check(hold_joint)
 # <span class="kernel-only">Replace the three answers below.</span>
 #
 # 1. The rate is exact. Which is the largest stable $K_p$ for a given $K_d$?
-# 2. The rate is the difference of the last two angles, divided by $dt$. Which is the largest $K_p\,dt^2/(2J)$, as a
-#    function of $c = K_d\,dt/(2J)$?
-# 3. The rate is exact, and the command comes one sample late. Which is the largest $K_p\,dt^2/(2J)$, as a
-#    function of $V = K_d\,dt/J$?
+# 2. The rate is the difference of the last two angles, divided by $dt$. Which is the largest $p = K_p\,dt^2/(2J)$, as a
+#    function of $c = K_d\,dt/(2J)$? Here $p$ and $c$ are half of the chart's values.
+# 3. The rate is exact, and the command comes one sample late. Which is the largest $P = K_p\,dt^2/(2J)$, as a function
+#    of $V = K_d\,dt/J$? Here only $P$ is half of the chart's value.
 
 # %%
 answer("pd_exact_rate", "4*J/dt^2")
@@ -2074,12 +2099,12 @@ your_robot(6)
 # %% [markdown]
 # ## 9 · Frontier: learned controllers
 #
-# A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} +
-# \pi_\theta(x)$. Here $\pi_\theta$ is a function with learned numbers $\theta$. Its input $x$ is often the state.
-# Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns it with
-# reinforcement learning (chapter 9). The example below fits it to data instead.
+# A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} + \pi_\theta(x)$.
+# Here $\pi_\theta$ is a function with learned numbers $\theta$. Its input $x$ is often the state. Residual policy
+# learning (Silver and others, arXiv 1812.06298) uses reinforcement learning (chapter 9). The example below fits data
+# instead.
 #
-# The torque that is missing for an unknown payload also depends on the acceleration. So here $x$ also contains the
+# The torque missing for an unknown payload depends on the acceleration, too. So here $x$ also contains the
 # accelerations that computed torque requests.
 
 # %%
