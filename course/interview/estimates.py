@@ -412,18 +412,6 @@ def cores(robots: int, cores_each: float, times_real_time: float, workers: int =
     return count("robots", robots, 1) * each * count("workers", workers, 1)
 
 
-def budget_if_open(samples: float, failing: float, doubt: float) -> float:
-    """Return the samples in which a run misses an open gap with the probability `doubt`.
-
-    Args:
-        samples: measured with a gap of the same width.
-        failing: share of the runs that had found no path by then.
-        doubt: probability that a run finds nothing although the gap is open.
-    """
-    share, small = finite("failing", failing, 1e-9, 1 - 1e-9), finite("doubt", doubt, 1e-12, 0.5)
-    return positive("samples", samples) * math.log(small) / math.log(share)
-
-
 def reaction_s(
     scans: int, scanner_hz: float, output_ms: float, controller_ms: float, drive_ms: float
 ) -> float:

@@ -143,6 +143,10 @@ def _pid(names: Names) -> None:
     # The first call and a step of the target cause no kick of the derivative.
     loop = names["PID"](1.0, 0.0, 100.0, 1e9, 1e-3)
     assert loop.update(0.0, 5.0) == -5.0 and loop.update(2.0, 5.0) == -3.0
+    # With the path's rate, a joint that follows it exactly gets no torque from the derivative.
+    loop = names["PID"](1.0, 0.0, 100.0, 1e9, 1e-3)
+    loop.update(0.0, 0.0, 1.0)
+    assert loop.update(1e-3, 1e-3, 1.0) == pytest.approx(0.0, abs=1e-9)
     # The limit, on both sides, and what it is for.
     for sign in (1.0, -1.0):
         loop = names["PID"](50.0, 1.0, 0.0, 2.0, 1e-3)

@@ -322,13 +322,6 @@ def test_machines_and_cores_are_products() -> None:
     assert e.cores(5, 0.8, 2.0, 24) == pytest.approx(192.0)
 
 
-def test_a_planner_that_is_so_unlucky_is_rare() -> None:
-    gaps = np.random.default_rng(12).geometric(0.001, 400_000)  # an open gap
-    least = float(np.quantile(gaps, 0.75))
-    budget = e.budget_if_open(least, 0.25, 0.01)
-    assert np.mean(gaps > budget) == pytest.approx(0.01, abs=2e-3)
-
-
 def test_a_person_who_enters_at_the_worst_moment_is_noticed_in_time() -> None:
     """Scans at fixed times; the field wants two that see the person, then the outputs follow."""
     enters = np.random.default_rng(13).uniform(1.0, 2.0, 50_000)
