@@ -159,7 +159,7 @@ def hand_eye_precision(
     wide = (0.4, 0.4, 0.4)
     panel = Panel(
         f"{counts[0]} to {counts[-1]} poses, turns of 0.4 rad about each axis",
-        "time of a calibration [s]",
+        "processor time of a calibration [s]",
         "error of a point 0.5 m away [m]",
         scale="log",
     )

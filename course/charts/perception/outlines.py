@@ -73,7 +73,7 @@ def outline_precision(
         table = np.array([0.0, 0.0, 0.8, *exp(np.array([math.pi - tilt, 0.0, 0.0]))])
         panel = Panel(
             f"{name[0].upper()}{name[1:]}",
-            "time of a pose [s]",
+            "processor time of a pose [s]",
             "error of a corner [m]",
             scale="log",
             lines=[("y", 2e-3, "tolerance 2 mm")],
