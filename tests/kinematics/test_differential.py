@@ -177,7 +177,7 @@ def test_the_program_follows_best_within_the_limits():
     error = {series.label: series.y[0] for series in accuracy.series}
     program = error["quadratic program"]
     assert error["no limits"] < program < 0.5 * error["clipped"] < error["scaled"]
-    assert "beyond a limit on 0% of the paths" in accuracy["quadratic program"].note
+    assert "over a limit on 0% of paths" in accuracy["quadratic program"].note
     assert {series.label for series in right.series} == {*error}
 
 
