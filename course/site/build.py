@@ -309,7 +309,8 @@ def build(
     """Build the site.
 
     Args:
-        target: the folder that it becomes; one that is there is replaced if it holds a site.
+        target: the folder that it becomes; one that is there is brought up to date if it holds a
+            site: files that stay the same are not written again.
         folder: of the notebooks.
         work: what is needed on the way. It is kept: the next build makes only the pages anew whose
             sources have changed, or all of them if something changed that every page shows.
@@ -318,7 +319,7 @@ def build(
         Unbuildable: with a sentence for each reason; `target` is left as it was.
         ValueError: `target` holds something else.
     """
-    # Refuse to delete a folder that is not a site of ours.
+    # Refuse to change a folder that is not a site of ours.
     if target.exists() and any(target.iterdir()) and not (target / "searchindex.js").is_file():
         raise invalid("target", str(target), "an empty folder, or one with a site")
     made = pages(folder)
@@ -327,8 +328,24 @@ def build(
     fresh.mkdir(parents=True)
     write_sources(fresh, made)
     on_page = {name: page.simulations for name, page in made.items()}
-    # Pages that did not change are not made again, unless something changed that all of them show.
-    key = _shared(fresh, on_page)
+    render(fresh, target, work, on_page, _shared(fresh, on_page))
+
+
+def render(
+    fresh: Path, target: Path, work: Path, simulations: Mapping[str, Sequence[str]], key: str
+) -> None:
+    """Make the site of its sources; what has not changed since the last time is left alone.
+
+    Args:
+        fresh: the folder of the sources; it is used up.
+        target: the folder that the site becomes.
+        work: what an earlier build left, and this one leaves.
+        simulations: those on each page.
+        key: what all pages depend on. Where it has changed, all are made anew.
+
+    Raises:
+        Unbuildable: with a sentence for each reason; `target` is left as it was.
+    """
     noted = work / "key"
     source, built = work / "source", work / "html"
     if not noted.is_file() or noted.read_text(encoding="utf-8") != key:
@@ -339,7 +356,7 @@ def build(
     shown = sorted(path.stem for path in (source / notebooks.CHARTS).glob("*.png"))
     # Charts are drawn in other processes while Sphinx runs.
     with charts.pictures(shown) as narrow:
-        sphinx(source, built, on_page)
+        sphinx(source, built, simulations)
         out = work.resolve() / "site"
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(built, out)
@@ -347,7 +364,7 @@ def build(
         for name, text in narrow:
             (out / "_static" / "charts" / f"{name}.svg").write_text(text, encoding="utf-8")
         (out / "_static" / "simulations").mkdir()
-        for name in sorted({name for names in on_page.values() for name in names}):
+        for name in sorted({name for names in simulations.values() for name in names}):
             for ending, text in script(name).items():
                 place = out / "_static" / "simulations" / f"{name}{ending}"
                 place.write_text(text, encoding="utf-8")
@@ -362,12 +379,11 @@ def build(
     if faults:
         raise Unbuildable(faults)
     for pictures in (out / "_images", out / notebooks.PICTURES):
-        for picture in pictures.iterdir():
+        for picture in pictures.glob("*"):
             if picture not in loaded:
                 picture.unlink()  # of an earlier version of a page
+    renew(out, target)
     noted.write_text(key, encoding="utf-8")
-    shutil.rmtree(target, ignore_errors=True)
-    shutil.move(out, target)
 
 
 def renew(fresh: Path, source: Path) -> None:
@@ -377,6 +393,9 @@ def renew(fresh: Path, source: Path) -> None:
         for path in [path for path in source.rglob("*") if path.is_file()]:
             if path.relative_to(source) not in new:
                 path.unlink()
+        for path in sorted(source.rglob("*"), reverse=True):
+            if path.is_dir() and not any(path.iterdir()):
+                path.rmdir()
     for name in sorted(new):
         old = source / name
         if not (old.is_file() and filecmp.cmp(fresh / name, old, shallow=False)):
