@@ -1,10 +1,12 @@
 """What Sphinx is taught: formulas as MathML, pictures that wait, the scripts of a page."""
 
+import ast
 import functools
 import inspect
 import re
 import sys
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 from weakref import WeakKeyDictionary
@@ -194,14 +196,33 @@ def linkcode_resolve(_domain: str, info: dict[str, str]) -> str | None:
             thing = inspect.unwrap(getattr(thing, part))
         thing = getattr(thing, "py_func", thing)  # of what Numba compiled
         file = inspect.getsourcefile(thing)
-        # A function knows its first line; the source of a class has to be read for it.
+        if file is None or not Path(file).is_relative_to(ROOT):
+            return None
+        # A function knows its first line; that of a class is looked up in its file.
         code = getattr(thing, "__code__", None)
-        line = code.co_firstlineno if code else inspect.getsourcelines(thing)[1]
-    except (AttributeError, TypeError, OSError):  # data have no source of their own
-        return None
-    if file is None or not Path(file).is_relative_to(ROOT):
+        line = code.co_firstlineno if code else _classes(file)[thing.__qualname__]
+    except (AttributeError, TypeError, KeyError):  # data have no source of their own
         return None
     return f"{_repository()}/blob/main/{Path(file).relative_to(ROOT).as_posix()}#L{line}"
+
+
+@functools.cache
+def _classes(file: str) -> dict[str, int]:
+    """Return the first line of each class in a file, by its qualified name.
+
+    `inspect.getsourcelines` would parse the whole file again for every class.
+    """
+    result: dict[str, int] = {}
+
+    def note(body: Sequence[ast.stmt], prefix: str) -> None:
+        for node in body:
+            if isinstance(node, ast.ClassDef):
+                first = node.decorator_list[0] if node.decorator_list else node
+                result.setdefault(prefix + node.name, first.lineno)
+                note(node.body, f"{prefix}{node.name}.")
+
+    note(ast.parse(Path(file).read_text(encoding="utf-8")).body, "")
+    return result
 
 
 @functools.cache
