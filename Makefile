@@ -27,8 +27,8 @@ QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none OPENBLAS_NUM_THREADS=1
 # One worker more than two cores: browsers and what waits for a clock leave a core free.
 WORKERS := 3
 PYTEST := env $(QUIET) $(BIN)/pytest
-# The tests of the claims run each check and compare it with its record; a page shows the record.
-# `make prove` runs the checks for the pages as well.
+# The tests of the claims run each check and compare it with its record; a page shows the record, and
+# computes a few cases of what takes long. `make prove` computes all of it for the pages as well.
 CLAIMS := recorded
 NBVAL := env COURSE_CLAIMS=$(CLAIMS) $(QUIET) $(BIN)/pytest --nbval --nbval-current-env \
 	--nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout=120 -n $(WORKERS) --dist loadfile \
@@ -40,8 +40,8 @@ NBVAL := env COURSE_CLAIMS=$(CLAIMS) $(QUIET) $(BIN)/pytest --nbval --nbval-curr
 # `make test TOPIC=contact` and `make prove TOPIC=contact`: one topic, and the framework's smoke tests.
 TOPIC ?=
 OF_TOPIC := $(if $(TOPIC),--topic $(TOPIC))
-# The pages that run for a minute and more come first, so that no worker is left alone with one.
-LONGEST := $(wildcard $(patsubst %,notebooks/??_%.ipynb,pipeline sim_to_real perception learning interview))
+# The pages that run longest come first, so that no worker is left alone with one.
+LONGEST := $(wildcard $(patsubst %,notebooks/??_%.ipynb,pipeline sim_to_real contact perception middleware learning))
 NOTEBOOKS := $(if $(TOPIC),$(wildcard notebooks/[0-9][0-9]_$(TOPIC).ipynb),\
 	$(LONGEST) $(filter-out $(LONGEST),$(sort $(wildcard notebooks/*.ipynb))))
 
@@ -53,9 +53,9 @@ SETUP = VENV='$(VENV)' STAMP='$(STAMP)' LOG='$(LOG)' EXTRAS='$(EXTRAS)' PYTHON='
 	CHOSEN='$(filter-out file default,$(origin PYTHON))' GOAL='$(firstword $(MAKECMDGOALS))' \
 	PACKAGES='$(PACKAGES)' DOWNLOAD='$(DOWNLOAD)' DISK='$(DISK)' $(SHELL) tools/setup.sh
 
-# Compiling takes a minute or two once, so it belongs to the set-up. `make lab` opens at once and
-# compiles in the background.
-setup: environment warm ## make .venv with the pinned packages, and compile the hot loops of the chapters
+# Compiling takes a minute or two once, so it belongs to the set-up, as does what only the site and its
+# tests need. `make lab` opens at once without it, and compiles in the background.
+setup: environment sphinx warm ## make .venv with the pinned packages, and compile the hot loops of the chapters
 
 environment: # .venv, where it isn't there or isn't up to date
 	@$(SETUP)

@@ -218,16 +218,16 @@ simulation("flip")
 moments = np.array([1.0, 2.0, 3.0])
 
 
-def momentum_path(start, steps, dt=0.01):
-    """Return the angular momentum of a free body in its own frame, by RK4, shape (steps + 1, 3)."""
-    path = [np.asarray(start) / np.linalg.norm(start)]
+def momentum_paths(starts, steps, dt=0.01):
+    """Return the angular momenta of free bodies in their frames, by RK4, (n, steps + 1, 3)."""
+    path = [np.array([np.array(start) / np.linalg.norm(start) for start in starts])]
     for _ in range(steps):
-        stages = [np.zeros(3)]
+        stages = [np.zeros_like(path[0])]
         for share in (0.0, 0.5, 0.5, 1.0):
             moved = path[-1] + share * dt * stages[-1]
             stages.append(np.cross(moved, moved / moments))
         path.append(path[-1] + dt / 6 * (stages[1] + 2 * stages[2] + 2 * stages[3] + stages[4]))
-    return np.array(path)
+    return np.swapaxes(path, 0, 1)
 
 
 towards = np.array([1.0, 1.25, 0.75]) / np.linalg.norm([1.0, 1.25, 0.75])
@@ -242,12 +242,12 @@ starts = {
     "tab:green": [(0, 0.25, 1), (0, 0.5, 1), (0, 0.8, 1)],
     "tab:red": [(0.02, 1, 0), (-0.02, 1, 0), (0.02, -1, 0), (-0.02, -1, 0)],
 }
-for colour, several in starts.items():
-    for start in several:
-        path = momentum_path(start, 4000)
-        flat, front = path @ plane.T, path @ towards > 0
-        left.plot(*np.where(front[:, None], flat, np.nan).T, color=colour, lw=1.6)
-        left.plot(*np.where(front[:, None], np.nan, flat).T, color=colour, lw=0.7, ls=":")
+paths = momentum_paths([start for several in starts.values() for start in several], 4000)
+colours = [colour for colour, several in starts.items() for _ in several]
+for colour, path in zip(colours, paths, strict=True):
+    flat, front = path @ plane.T, path @ towards > 0
+    left.plot(*np.where(front[:, None], flat, np.nan).T, color=colour, lw=1.6)
+    left.plot(*np.where(front[:, None], np.nan, flat).T, color=colour, lw=0.7, ls=":")
 left.plot([], [], color="0.5", ls=":", lw=0.9, label="on the far side")
 left.legend(loc="lower right", fontsize=9, frameon=False)
 names = ("1: smallest moment", "2: middle moment", "3: largest moment")
@@ -269,14 +269,11 @@ left.set(
 )
 left.axis("off")
 time = 0.01 * np.arange(4001)
-for row, start, colour in (
-    (0, (1, 0.02, 0), "tab:blue"),
-    (1, (0.02, 1, 0), "tab:red"),
-    (2, (0, 0.02, 1), "tab:green"),
-):
+spins = momentum_paths([(1, 0.02, 0), (0.02, 1, 0), (0, 0.02, 1)], 4000)
+for row, colour in enumerate(("tab:blue", "tab:red", "tab:green")):
     right.plot(
         time,
-        momentum_path(start, 4000)[:, row],
+        spins[row, :, row],
         color=colour,
         label=f"axis {row + 1}",
         lw=5 if row == 0 else 1.8,  # axes 1 and 3 give the same line
@@ -290,10 +287,7 @@ right.set(
 )
 right.legend(loc="center right", title="spin about", fontsize=9)
 plt.show()
-lowest = [
-    momentum_path(start, 4000)[:, row].min()
-    for row, start in enumerate([(1, 0.02, 0), (0.02, 1, 0), (0, 0.02, 1)])
-]
+lowest = [spins[row, :, row].min() for row in range(3)]
 print("component of L along the axis of the spin, as a share of |L|: lowest value in 40 s")
 print("   ".join(f"about axis {k}: {x:+.3f}" for k, x in enumerate(lowest, 1)))
 # %% [markdown]

@@ -64,6 +64,7 @@ from course.contact.stabilization import (
 from course.derivations import more_claims, show
 from course.oracles.mujoco import contact as mujoco_contact
 from course.oracles.mujoco.contact import Options, contact_state
+from course.page_records import from_record
 
 
 def source(*functions):
@@ -1605,7 +1606,10 @@ answer("more_friction_holds_the_glass", "m*g/F")
 # speed is too slow to reach the block. With the rigid gradient nothing ever changes; with the randomised one,
 # averaged over noisy speeds, it gets there:
 # %% tags=["hide-code"]
-for how in ("rigid", "randomised"):
+
+
+def descended(how):
+    """Return the speed of the finger after 40 steps down the slope, and where the block stops."""
     speed, rng = 0.15, np.random.default_rng(1)
     for _ in range(40):
         error = charts.pushed(speed, "rigid", 2e-2) - 0.05
@@ -1616,7 +1620,13 @@ for how in ("rigid", "randomised"):
                 lambda s: charts.pushed(s, "rigid", 2e-2), speed, 0.05, rng, 20
             )
         speed -= 2.0 * error * slope
-    reached = charts.pushed(speed, "rigid", 2e-2)
+    return speed, charts.pushed(speed, "rigid", 2e-2)
+
+
+hows = ("rigid", "randomised")
+for how, (speed, reached) in zip(
+    hows, from_record("contact.descended", descended, hows), strict=True
+):
     print(f"{how:<11} finger at {speed:.2f} m/s, block at {1e3 * reached:.0f} mm (mark: 50 mm)")
 # %% [markdown]
 # <details><summary>Common statements that nothing here checks, and why</summary>

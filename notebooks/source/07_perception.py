@@ -65,6 +65,7 @@ from course.derivations.records import figure
 from course.kinematics.chain import compose
 from course.measure.timing import calls, interleaved
 from course.oracles import open3d
+from course.page_records import from_record
 from course.perception import Camera, Sensor, locate, pose, render, sense, shape, together, yaw_net
 from course.rigid_body.quaternion import conjugate, exp, rotate
 
@@ -1043,11 +1044,18 @@ looks = [
     take_image(SENSOR, seed, stand(BOX, 0.03, 0.0, 0.0, yaw))
     for seed, yaw in enumerate(np.linspace(0.2, 2.9, 10))
 ]
-for what, scale in (("1 % too long", 1.01), ("1 % too short", 0.99)):
-    n_unknown, n_known = (
-        sum(locate(scale * z, EYE, SENSOR, BOX, table=given)[0].status == "found" for z in looks)
-        for given in (None, true_table)
-    )
+
+
+def is_found(case):
+    """Return whether the box is found in an image whose depths are scaled."""
+    scale, given, seed = case
+    return locate(scale * looks[seed], EYE, SENSOR, BOX, table=given)[0].status == "found"
+
+
+every = [(scale, t, k) for scale in (1.01, 0.99) for t in (None, true_table) for k in range(10)]
+found = from_record("perception.scaled_depths", is_found, every, checked=4)
+n_found = np.reshape(found, (2, 2, 10)).sum(axis=2)
+for what, (n_unknown, n_known) in zip(("1 % too long", "1 % too short"), n_found, strict=True):
     print(f"depths {what:<14} found: {n_unknown} of 10, with the true table given: {n_known} of 10")
 
 # %% [markdown]
@@ -1242,21 +1250,29 @@ more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
 normal = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
 table = np.append(normal, -normal @ TABLE[:3])
 shared = replace(SENSOR, window=5)
+versions = {
+    "3 numbers": (table, True),
+    "6 numbers": (table, False),
+    "3, table given 5 mm too high": (table - (0.0, 0.0, 0.0, 0.005), True),
+    "3, table given 5 mm too low": (table + (0.0, 0.0, 0.0, 0.005), True),
+}
+yaws = np.random.default_rng(3).uniform(0.3, 1.2, 12)
+
+
+def fitted(case):
+    """Return the errors of position [m] and angle [rad] of a fit, and its status."""
+    (message, standing), seed = case
+    part = stand(BOX, 0.03, 0.0, 0.0, yaws[seed])
+    image = take_image(shared, seed, part)
+    result = locate(image, EYE, shared, BOX, table=message, standing=standing)[0]
+    return perception.pose_distance(BOX, part.poses[:, 0], result.pose), result.status
+
+
+every = [(one, seed) for one in versions.values() for seed in range(12)]
+fits = from_record("perception.four_fits", fitted, every, checked=4)
 figure_, axis = plt.subplots(figsize=(8, 2.4), layout="constrained")
-for name, message, standing in (
-    ("3 numbers", table, True),
-    ("6 numbers", table, False),
-    ("3, table given 5 mm too high", table - (0.0, 0.0, 0.0, 0.005), True),
-    ("3, table given 5 mm too low", table + (0.0, 0.0, 0.0, 0.005), True),
-):
-    deviation, verdicts = [], []
-    for seed, yaw in enumerate(np.random.default_rng(3).uniform(0.3, 1.2, 12)):
-        part = stand(BOX, 0.03, 0.0, 0.0, yaw)
-        result = locate(
-            take_image(shared, seed, part), EYE, shared, BOX, table=message, standing=standing
-        )[0]
-        deviation.append(perception.pose_distance(BOX, part.poses[:, 0], result.pose))
-        verdicts.append(result.status)
+for k, name in enumerate(versions):
+    deviation, verdicts = zip(*fits[12 * k : 12 * (k + 1)], strict=True)
     shift, turn = np.median(deviation, axis=0)
     result = f"{verdicts.count('found')} of 12 found"
     print(f"{name:<31} {1e3 * shift:5.2f} mm, {np.degrees(turn):.2f} degrees, {result}")

@@ -109,6 +109,7 @@ from course.derivations.sim_to_real.signals import (
     two_kinds,
 )
 from course.measure.success import trials, wilson
+from course.page_records import from_record
 from course.sim_to_real import (
     Log,
     Plants,
@@ -254,15 +255,11 @@ table(*rows)
 head = ("arm", "differences", "costliest alone", "separate losses, added", "lost together")
 rows = [(*head, "more than the sum")]
 three = recorded()["range"][0].T
-for gap, delay, parts in (
-    (1.0, 0.01, transfer.PARTS),
-    (1.0, 0.01, ("load", "motor")),
-    (1.0, 0.01, ("load", "delay")),
-    (1.0, 0.01, ("load", "friction")),
-    (0.5, 0.01, transfer.PARTS),
-    (0.3, 0.02, transfer.PARTS),
-    (0.3, 0.02, ("load", "delay")),
-):
+
+
+def lost_together(case):
+    """Return the row of a gap, a delay and the differences that an arm has."""
+    gap, delay, parts = case
     there = real(gap, delay)
     alone = np.array([1 - rollouts(mended(there, (one,)), three, posed).rate for one in parts])
     lost = 1 - rollouts(mended(there, parts), three, posed).rate
@@ -270,7 +267,19 @@ for gap, delay, parts in (
     costliest = f"{list(parts)[alone[:, 0].argmax()]}: {alone[:, 0].max():.3f}"
     numbers = (costliest, f"{alone[:, 0].sum():.3f}", f"{lost[0]:.3f}")
     more = f"{np.sum(lost > alone.sum(axis=0))} of 3"
-    rows.append((f"gap {gap:g}, {1e3 * delay:.0f} ms", names, *numbers, more))
+    return f"gap {gap:g}, {1e3 * delay:.0f} ms", names, *numbers, more
+
+
+several = (
+    (1.0, 0.01, transfer.PARTS),
+    (1.0, 0.01, ("load", "motor")),
+    (1.0, 0.01, ("load", "delay")),
+    (1.0, 0.01, ("load", "friction")),
+    (0.5, 0.01, transfer.PARTS),
+    (0.3, 0.02, transfer.PARTS),
+    (0.3, 0.02, ("load", "delay")),
+)
+rows += from_record("sim_to_real.lost_together", lost_together, several)
 searches = rollouts(far_end, three, posed).rate
 print("success of three searches on the arm with all five differences:", end=" ")
 print(", ".join(f"{rate:.2f}" for rate in searches))
@@ -1029,11 +1038,23 @@ curves("robot_time", 0, "success after robot time [s] of", {"fine-tuned": "fine-
 # %% tags=["hide-code"]
 spread = sim_to_real.around(real(0.6, 0.012), 0.6)
 there_is = spread(1000, np.random.default_rng(5))
+
+
+def searched(case):
+    """Return the gains of a search of so many rounds, on the mean of the arms or on all."""
+    on_all, rounds = case
+    return tune(spread if on_all else only(real(0.6, 0.012)), 0, rounds=rounds).gains
+
+
+# The first search is a short one, which is computed again whenever the page is tested.
+_, on_mean, on_spread = from_record(
+    "sim_to_real.true_spread", searched, ((True, 2), (False, 20), (True, 20))
+)
 sets = {
     "on the plain simulator": recorded()["range"][0, 0],
     "on a wide range, no log": recorded()["range"][10, 0],
-    "on the mean of the arms": tune(only(real(0.6, 0.012)), 0).gains,
-    "on the arms' true spread": tune(spread, 0).gains,
+    "on the mean of the arms": np.array(on_mean),
+    "on the arms' true spread": np.array(on_spread),
 }
 rows = [("gains tuned", "success on varying arms", "95 % interval")]
 success = {}
@@ -2062,8 +2083,9 @@ toggles = {
     ),
 }
 rows = [("what is wrong", "common prediction", "boxes held", "95 % interval", "how to detect it")]
-for name, (scene, report, caught) in toggles.items():
-    held = lab.trials(scene, 20)
+scenes = [scene for scene, _, _ in toggles.values()]
+n_held = from_record("sim_to_real.boxes_held", lambda scene: lab.trials(scene, 20), scenes)
+for (name, (_, report, caught)), held in zip(toggles.items(), n_held, strict=True):
     low, high = wilson(held, 20)
     rows.append((name, report, f"{held} of 20", f"{low:.2f} to {high:.2f}", caught))
 heavy, light = (lab.lift(lab.Lab(mass=m)).error for m in (0.55, 0.5))
@@ -2504,9 +2526,16 @@ your_robot(8)
 
 # %% tags=["hide-code"]
 rounds, buffer, move = 60, 128, 0.1
-found_ranges = sim_to_real.automatic(
-    0, rounds=rounds, buffer=buffer, step=move, thresholds=(0.8, 0.9)
-)
+
+
+def ranges_after(n):
+    """Return the ranges after n rounds of automatic domain randomisation, and the gains."""
+    found = sim_to_real.automatic(0, rounds=n, buffer=buffer, step=move, thresholds=(0.8, 0.9))
+    return found.ranges.bounds, found.gains
+
+
+# After five rounds first, which is computed again whenever the page is tested.
+_, (bounds, automatic_gains) = from_record("sim_to_real.automatic", ranges_after, (5, rounds))
 wide = sim_to_real.around(sim_to_real.nominal(), 1.0).bounds
 figure_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
 rows = [("parameter", "low end", "high end")]
@@ -2521,7 +2550,7 @@ units = {
     "noise": "noise of the encoders [rad]",
     "delay": "delay [s]",
 }
-for row, (name, (low, high)) in enumerate(found_ranges.ranges.bounds.items()):
+for row, (name, (low, high)) in enumerate(bounds.items()):
     middle = getattr(sim_to_real.nominal(), name)[0]
     ends_at = (np.array([low, high]) - middle) / (wide[name][1] - middle)
     _ = axis.plot(ends_at, [row, row], lw=6, solid_capstyle="butt")
@@ -2537,12 +2566,21 @@ table(*rows)
 
 # %% tags=["hide-code"]
 # By hand: three searches. The same ranges as found, but with gains tuned from scratch: two.
-again = np.array([tune(found_ranges.ranges, seed).gains for seed in range(2)])
+
+
+def from_scratch(case):
+    """Return the gains that a search of so many rounds finds on the ranges."""
+    seed, n = case
+    sampler = sim_to_real.Ranges({name: tuple(ends) for name, ends in bounds.items()})
+    return tune(sampler, seed, rounds=n).gains
+
+
+_, *again = from_record("sim_to_real.from_scratch", from_scratch, ((0, 2), (0, 20), (1, 20)))
 sets = {
     "range 0.4": recorded()["range"][4],
     "range 1": recorded()["range"][10],
-    "automatic ranges": found_ranges.gains[None],
-    "the same ranges, tuned from scratch": again,
+    "automatic ranges": np.array([automatic_gains]),
+    "the same ranges, tuned from scratch": np.array(again),
 }
 rows = [("success at gap", *sets)]
 for gap in (0.0, 0.3, 1.0):

@@ -57,6 +57,7 @@ from course.learning import (
     roll,
 )
 from course.measure.sweep import sweep
+from course.page_records import from_record
 from course.vector_env import PointReachVector
 from course.vector_env.point import optimum, plan
 
@@ -1721,24 +1722,34 @@ def missed(executor, how):
 
 
 noises = (0.0, 0.01, 0.02, 0.03, 0.05)
-figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
-rows = [("executed", "two routes (mixture): pass", "with disturbances of 50 mm", "regulator: lost",
-         "trained with disturbances: lost", "third task: wrong of 40")]  # fmt: skip
-for name, executor, how in (
-    ("a new chunk at each step", Commit, 1),
-    ("2 steps of each chunk", Commit, 2),
-    ("8 steps of each chunk", Commit, 8),
-    ("each step, delayed by 1", Delayed, 1),
-    ("each step, delayed by 3", Delayed, 3),
-):
+
+
+def executed(case):
+    """Return the rates of two routes at each noise, of the regulator, and of the third task."""
+    _, executor, how = case
     rates = []
     for noise in noises:
         disturbed, rng = TwoWays(noise=noise), np.random.default_rng(7)
         ran = roll(disturbed, executor(mixture, how), disturbed.starts(4000, rng), 16, rng)
         rates.append(np.mean(disturbed.sides(ran.states) != 0))
+    return rates, lost(0.0, executor, how), lost(0.01, executor, how), missed(executor, how)
+
+
+executors = (
+    ("a new chunk at each step", Commit, 1),
+    ("2 steps of each chunk", Commit, 2),
+    ("8 steps of each chunk", Commit, 8),
+    ("each step, delayed by 1", Delayed, 1),
+    ("each step, delayed by 3", Delayed, 3),
+)
+runs = from_record("learning.executed", executed, executors)
+figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
+rows = [("executed", "two routes (mixture): pass", "with disturbances of 50 mm", "regulator: lost",
+         "trained with disturbances: lost", "third task: wrong of 40")]  # fmt: skip
+for (name, *_), (rates, lost_plain, lost_trained, wrong) in zip(executors, runs, strict=True):
     _ = axis.plot([1000 * x for x in noises], rates, ".-", label=name)
-    rows.append((name, f"{rates[0]:.0%}", f"{rates[-1]:.0%}", f"{lost(0.0, executor, how):.0%}",
-                 f"{lost(0.01, executor, how):.0%}", f"{missed(executor, how):.0f}"))  # fmt: skip
+    rows.append((name, f"{rates[0]:.0%}", f"{rates[-1]:.0%}", f"{lost_plain:.0%}",
+                 f"{lost_trained:.0%}", f"{wrong:.0f}"))  # fmt: skip
 _ = axis.set(xlabel="disturbance per step [mm]", ylabel="two routes: share that passes")
 _ = axis.legend(fontsize=7)
 plt.show()

@@ -71,6 +71,7 @@ from course.charts import read
 from course.control import Actuator
 from course.derivations import figure, more_claims, show
 from course.measure.success import wilson
+from course.page_records import from_record
 from course.pipeline import Scenario, Settings, Stages, theory
 from course.pipeline import blame as procedure
 from course.pipeline.blame import CASE, FAULTS, Fault, blame, contracts, injected
@@ -482,7 +483,14 @@ bias_x, bias_y = 1e3 * np.array(settings.bias)
 lags = sum(numbers("error_budget", f"{key}: ", "owned")[1] for key in ("age", "control"))
 unexplained = expected**2 - measured**2
 only = repair(settings, "plan", "age", "control", "move")
-other = 1e6 * np.sum(errors(run_many(scenario, only, range(1000, 2000))) ** 2, axis=0)
+
+
+def squared_error(seed):
+    """Return the squared error of a run with ideal stages but perception [mm^2]."""
+    return 1e6 * np.sum(errors(run_many(scenario, only, [seed])) ** 2)
+
+
+other = np.array(from_record("pipeline.other_seeds", squared_error, range(1000, 2000), checked=10))
 doubt = other.std() / np.sqrt(other.size)
 assert unexplained > lags and saved < 0  # the text below says so
 assert abs(alone_x - mean_x) < 2 * sure_x and abs(alone_y - mean_y) < 2 * sure_y
@@ -863,9 +871,17 @@ predict("raw_estimate")
 
 # %% tags=["hide-code"]
 often = replace(settings, filtered=False)
-once, again = (run_many(scenario, some, range(40)) for some in (replace(often, replan=10.0), often))
-good, bad = (int(successes(some).sum()) for some in (once, again))
-touched = sum(record.reason == "touched a disc" for record in once)
+
+
+def both_ends(seed):
+    """Return how the runs with one plan and with many end: success and reason of each."""
+    both = (run_many(scenario, x, [seed])[0] for x in (replace(often, replan=10.0), often))
+    return [(record.success, record.reason) for record in both]
+
+
+ended = from_record("pipeline.replanning", both_ends, range(40), checked=2)
+good, bad = (sum(each[k][0] for each in ended) for k in (0, 1))
+touched = sum(once[1] == "touched a disc" for once, _ in ended)
 assert touched and good + touched < 40  # the text below says so
 assert good > bad + 20  # the text below says so
 print(f"{1e3 * often.noise:.0f} mm of noise, no filter, 40 runs of each kind")
@@ -1135,14 +1151,26 @@ more_claims("last_error_blames")
 # A broken contract is an *alarm*. In a *good* run, which reaches its target, it is a **false alarm**.
 
 # %% tags=["hide-code"]
-raw_runs = run_many(scenario, replace(settings, noise=0.02, filtered=False), range(60))
+
+
+def first_alarm(case):
+    """Return whether a run is good, the contract that it breaks first, and its last plan [s]."""
+    changed, seed = case
+    (record,) = run_many(scenario, changed, [seed])
+    broken = [f"{x.stage}: {x.what}" for x in contracts(record, changed)[:1]]
+    return record.success, broken, 1e-6 * max(record.plan_requests, default=0)
+
+
+raw = replace(settings, noise=0.02, filtered=False)
+both = [(settings, seed) for seed in range(300)] + [(raw, seed) for seed in range(60)]
+watched = from_record("pipeline.false_alarms", first_alarm, both, checked=6)
 for name, some in {
-    "default settings": run_many(scenario, settings, range(300)),
-    "raw frames, 20 mm noise": raw_runs,
+    "default settings": watched[:300],
+    "raw frames, 20 mm noise": watched[300:],
 }.items():
-    good = [r for r in some if r.success]
-    alarms = [f"{x.stage}: {x.what}" for r in good for x in contracts(r, r.settings)[:1]]
-    last = [1e-6 * max(r.plan_requests) for r in good if contracts(r, r.settings)]
+    good = [run_ for run_ in some if run_[0]]
+    alarms = [what for _, broken, _ in good for what in broken]
+    last = [planned for _, broken, planned in good if broken]
     assert min(last) > 3.5  # the text below says so
     print(f"{name}: {len(alarms)} of {len(good)} good runs break a contract")
     for what, n in Counter(alarms).items():
@@ -1173,10 +1201,10 @@ laws = {
     "correlated": Noise(memory=0.9),
     "occluded": Noise(camera=(0.8, 0.7)),
 }
-tested = {name: run_many_with(scenario, settings, law, range(100)) for name, law in laws.items()}
+first = {name: run_many_with(scenario, settings, law, [0])[0] for name, law in laws.items()}
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.9), width_ratios=(1.7, 1), layout="constrained")
 for lane, name in enumerate(list(laws)[:3]):
-    shown = tested[name][0].timetable
+    shown = first[name].timetable
     _ = axes[0].plot(
         1e-6 * shown.captured, shown.draws[:, 0] - 10 * lane, ".-", lw=0.6, ms=3, label=name
     )
@@ -1185,7 +1213,7 @@ _ = axes[0].set(xlabel="time [s]", ylabel="error / its standard deviation", ylim
 _ = axes[0].set_yticks([0, 5, -10, -5, -20, -15], ["0", "+5", "0", "+5", "0", "+5"])
 _ = axes[0].set_title("error of each frame along x", fontsize=9)
 axes[0].legend(fontsize=8, ncols=3, loc="upper center")
-watched = tested["occluded"][0]
+watched = first["occluded"]
 hidden = next(p.captured for p in watched.pictures if np.isinf(p.covariance[0, 0]))
 angles = np.cumsum(watched.log[hidden // watched.step, :2])
 bones = np.cumsum(
@@ -1227,15 +1255,27 @@ plt.show()
 # </details>
 
 # %% tags=["hide-code"]
-several, rows = len(tested["occluded"]), []
-count = len(tested["correlated"][0].pictures)
+
+
+def judged(case):
+    """Return whether a run is a success, and what its broken contracts say."""
+    law, seed = case
+    (record,) = run_many_with(scenario, settings, law, [seed])
+    return record.success, " ".join(x.what for x in contracts(record, settings))
+
+
+several, rows = 100, []
+every = [(law, seed) for law in laws.values() for seed in range(several)]
+runs = from_record("pipeline.noise_laws", judged, every, checked=4)
+tested = {name: runs[several * k : several * (k + 1)] for k, name in enumerate(laws)}
+count = len(first["correlated"].pictures)
 expected = {
     name: (alarms_of_frames(count, x.tails), alarms_of_mean(count, x.memory))
     for name, x in laws.items()
 }
 for name, records in tested.items():
-    broken = [" ".join(x.what for x in contracts(r, settings)) for r in records]
-    good = int(successes(records).sum())
+    broken = [text for _, text in records]
+    good = sum(success for success, _ in records)
     low, high = wilson(good, several)
     on_frames, on_mean = (sum(word in text for text in broken) for word in ("covariance", "bias"))
     others = sum(bool(text) and "errors do not" not in text for text in broken)
@@ -1283,9 +1323,11 @@ unlisted = {
         "", "age", disturb=lambda f, s: replace(f, arrived=f.arrived + 500_000)
     ),
 }
-rows = []
-for name, one in unlisted.items():
-    case = lag_case if "fast" in name else CASE
+
+
+def diagnosed(name):
+    """Return the row of a fault."""
+    one, case = unlisted[name], lag_case if "fast" in name else CASE
     broken, named, alone, runs = Counter(), Counter(), Counter(), []
     for seed in range(30):
         replay = injected(one, seed, case)
@@ -1302,7 +1344,9 @@ for name, one in unlisted.items():
         for x in (broken, named, alone)
     )
     stage = "age and control" if "fast" in name else one.stage
-    rows.append([name, stage, *counted, f"{np.mean(runs):.1f}"])
+    return [name, stage, *counted, f"{np.mean(runs):.1f}"]
+
+
 head = [
     "fault",
     "true stage",
@@ -1311,7 +1355,7 @@ head = [
     "cured by one ideal stage",
     "replays",
 ]
-table(head, *rows)
+table(head, *from_record("pipeline.unlisted_faults", diagnosed, unlisted))
 
 # %% [markdown]
 # A filter that is too stiff, a late motor and a slow motor break no contract. The contract on torque checks what is
@@ -1797,13 +1841,18 @@ def severity(x):
     return bad
 
 
-rows = []
-for name, width in (("as fitted", 0.0), ("width at least 1", 1.0)):
-    for seed in range(3):
-        rng, size = np.random.default_rng(seed), {"rounds": 3, "each": 100, "last": 300}
-        result = cross_entropy(severity, 6, rng, least=width, **size)
-        interval = f"{result.low:.1e} to {result.high:.1e}"
-        rows.append([name, seed, f"{result.share:.1e}", interval, f"{result.effective:.1f}"])
+def estimated(case):
+    """Return the row of a proposal and a seed."""
+    (name, width), seed = case
+    rng, size = np.random.default_rng(seed), {"rounds": 3, "each": 100, "last": 300}
+    result = cross_entropy(severity, 6, rng, least=width, **size)
+    interval = f"{result.low:.1e} to {result.high:.1e}"
+    return [name, seed, f"{result.share:.1e}", interval, f"{result.effective:.1f}"]
+
+
+widths = (("as fitted", 0.0), ("width at least 1", 1.0))
+every = [(width, seed) for width in widths for seed in range(3)]
+rows = from_record("pipeline.rare_failures", estimated, every)
 head = ["proposal (600 runs, the last 300 counted)", "seed", "failure rate"]
 table([*head, "95 % interval", "effective number"], *rows)
 
@@ -1848,23 +1897,25 @@ drifts = 10.0 ** rng.uniform((-3.5, -3.0), (-1.0, -1.0), (12, 2))
 filters = [{"drift": tuple(pair)} for pair in drifts.tolist()]
 gains = [{"kp": a, "kd": b} for a, b in rng.uniform((10, 1), (60, 10), (12, 2)).tolist()]
 every = [{**filters[i], **gains[k]} for i, k in rng.integers(12, size=(24, 2))]
+# The settings of each search, and what is ideal in it.
+searches = [*((x, "control") for x in filters), *((x, "perceive") for x in gains)]
+searches += [(x,) for x in every]
+scores = np.array(from_record("pipeline.tuning", lambda one: square(*one), searches, checked=2))
 chosen = {
     "defaults": {},
-    "one after the other": {
-        **min(filters, key=lambda x: square(x, "control")),
-        **min(gains, key=lambda x: square(x, "perceive")),
-    },
-    "together": min(every, key=square),
+    "one after the other": {**filters[scores[:12].argmin()], **gains[scores[12:24].argmin()]},
+    "together": every[scores[24:].argmin()],
 }
 other = Scenario(target=(-0.05, 0.7), velocity=(0.008, -0.01), discs=scenario.discs[1:])
 rows, slowness = [], []
 tests = [{"case": x, "some": range(100, 150)} for x in (scenario, other)]
-before = [squares({}, **test) for test in tests]
+pairs = [(one, test) for one in chosen.values() for test in tests]
+found = from_record("pipeline.tuned", lambda x: squares(x[0], **x[1]), pairs)
+found = np.array(found).reshape(len(chosen), len(tests), 50)
 drawn = rng.integers(50, size=(2000, 50))  # bootstrap: the seeds of a test, drawn again
-for name, one in chosen.items():
+for (name, one), results in zip(chosen.items(), found, strict=True):
     cells = [f"{np.sqrt(square(one)):.2f}"]
-    for test, base in zip(tests, before, strict=True):
-        fresh = squares(one, **test)
+    for fresh, base in zip(results, found[0], strict=True):
         change = np.sqrt(fresh[drawn].mean(axis=1)) - np.sqrt(base[drawn].mean(axis=1))
         low, high = np.quantile(change, (0.025, 0.975))
         cells.append(

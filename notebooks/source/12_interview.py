@@ -48,6 +48,7 @@ from course.interview import designs, invariants, museum, tables
 from course.interview.estimates import ESTIMATES
 from course.interview.fields import filled
 from course.interview.scenarios import diagnose, expected, scenario
+from course.page_records import from_record
 
 BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#7f7f7f"
 
@@ -778,13 +779,21 @@ from itertools import combinations
 
 from course.interview.scenarios import scenario_names, tells_apart
 
-figure_, axes = plt.subplots(2, 3, figsize=(10, 7.4), layout="constrained", sharex=True)
-for axis, name in zip(axes.flat, scenario_names(), strict=True):
+
+def shares_of_pairs(name):
+    """Return the share of the pairs of causes that each probe of a scenario tells apart."""
     one = scenario(name)
     pairs = list(combinations([cause.name for cause in one.causes], 2))
-    parted = {
+    return {
         p.name: np.mean([tells_apart(name, p.name, *pair) for pair in pairs]) for p in one.probes
     }
+
+
+names = list(scenario_names())
+shares = dict(zip(names, from_record("interview.probes", shares_of_pairs, names), strict=True))
+figure_, axes = plt.subplots(2, 3, figsize=(10, 7.4), layout="constrained", sharex=True)
+for axis, name in zip(axes.flat, names, strict=True):
+    one, parted = scenario(name), shares[name]
     order = sorted(parted, key=parted.get)
     axis.barh(range(len(order)), [parted[probe] for probe in order], color=BLUE)
     minutes = {p.name: p.minutes for p in one.probes}
