@@ -281,8 +281,16 @@ def broken(site: Path, known: Callable[[Path], _Read] | None = None) -> list[str
         site: its folder.
         known: `read`, or one that remembers what it has read.
     """
-    # Pages are read once, although many links lead to them.
+    # Pages are read once, although many links lead to them; an address is looked up once.
     known = known or functools.cache(read)
+    whole = site.resolve()
+
+    @functools.cache
+    def file_of(folder: Path, path: str) -> Path | None:
+        """Return the file at an address like a browser with the site's root; None outside of it."""
+        file = (folder / unquote(path)).resolve()
+        return file if file.is_file() and file.is_relative_to(whole) else None
+
     faults = []
     for page in sorted(site.rglob("*.html")):
         where = page.relative_to(site).as_posix()
@@ -293,9 +301,8 @@ def broken(site: Path, known: Callable[[Path], _Read] | None = None) -> list[str
             parts = urlsplit(address)
             if parts.scheme or parts.netloc:
                 continue
-            # Resolve the address like a browser with the site's root, and keep it inside the site.
-            file = (page.parent / unquote(parts.path)).resolve() if parts.path else page
-            if not file.is_file() or not file.is_relative_to(site.resolve()):
+            file = file_of(page.parent, parts.path) if parts.path else page
+            if file is None:
                 faults.append(f"{where}: the link to {address} leads nowhere")
             elif parts.fragment and file.suffix == ".html":
                 if unquote(parts.fragment) not in known(file).anchors:

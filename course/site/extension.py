@@ -15,6 +15,8 @@ from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+from sphinx.search import languages
+from sphinx.search.en import SearchEnglish
 from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.util import logging
 from sphinx.util.typing import stringify_annotation
@@ -47,6 +49,18 @@ _STILL = (
     f'srcset="{PICTURES}/film.still.png" type="image/png">'
 )
 _LOG = logging.getLogger(__name__)
+
+
+class _English(SearchEnglish):
+    """The language of the search, which remembers the stem of a word: pages have the same words."""
+
+    def __init__(self, options: dict[str, str]) -> None:
+        super().__init__(options)
+        self._stem = functools.cache(super().stem)
+
+    def stem(self, word: str) -> str:
+        """Return the stem of a word."""
+        return self._stem(word)
 
 
 def _formula(page: str, tex: str, block: bool) -> str:
@@ -284,6 +298,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_config_value("course_simulations", {}, "html")
     app.add_html_math_renderer("mathml", (_visit_math, None), (_visit_math_block, None))
     app.add_post_transform(Page)
+    languages["en"] = _English
     app.connect("autodoc-process-docstring", _docstring, priority=400)
     app.connect("autodoc-process-signature", _signature)
     app.connect("autodoc-skip-member", _skip)
