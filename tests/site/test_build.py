@@ -425,7 +425,7 @@ def test_a_picture_that_waits_takes_up_its_room(site: Path) -> None:
     pictures = SoupStrainer(["picture", "source", "img"])
     for page in sorted(site.glob("*.html")):
         article = page.read_text("utf-8").partition("<article")[2].partition("</article>")[0]
-        found = BeautifulSoup(article, "html.parser", parse_only=pictures)
+        found: Any = BeautifulSoup(article, "html.parser", parse_only=pictures)
         for image in found.select("img[loading=lazy]"):
             sizes = [image] + ([image.parent.source] if image.parent.name == "picture" else [])
             for tag in sizes:
