@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,17 +137,24 @@ def logged(one: Machine) -> Rows:
     return simulate(one, 8 * TICKS)
 
 
-def swing(one: Machine) -> float:
+@lru_cache(maxsize=64)  # the reference runs, of which every probe of a log reads another figure
+def original(cause: str, seed: int) -> Rows:
+    """Return the log of a machine on which nothing is changed."""
+    return logged(machine(cause, seed))
+
+
+def swing(log: Rows) -> float:
     """Return the oscillation of the force [N]: peak to peak of the sine with its deviation."""
-    force = logged(one)["force"]
+    force = log["force"]
     return float(np.sqrt(8.0) * force[len(force) // 2 :].std())
 
 
 @cache
 def symptom(cause: str, seed: int, repair: str | None) -> float:
     """Return the oscillation of the force [N] in the second half of the run."""
-    one = machine(cause, seed)
-    return swing(REPAIRS[repair](one) if repair else one)
+    if repair is None:
+        return swing(original(cause, seed))
+    return swing(logged(REPAIRS[repair](machine(cause, seed))))
 
 
 def price(cause: str, seed: int, repair: str) -> float:
@@ -165,8 +172,7 @@ def calmer(change: Change) -> Run:
     """Return the probe that changes the machine and compares the oscillations."""
 
     def run(cause: str, seed: int) -> float:
-        one = machine(cause, seed)
-        return swing(change(one)) / symptom(cause, seed, None)
+        return swing(logged(change(machine(cause, seed)))) / symptom(cause, seed, None)
 
     return run
 
@@ -175,8 +181,7 @@ def read(figure: Callable[[Rows, Machine], float]) -> Run:
     """Return the probe that reads a log."""
 
     def run(cause: str, seed: int) -> float:
-        one = machine(cause, seed)
-        return float(figure(logged(one), one))
+        return float(figure(original(cause, seed), machine(cause, seed)))
 
     return run
 
