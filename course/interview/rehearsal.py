@@ -86,6 +86,7 @@ class Entry:
 
     Attributes:
         key, part, chapter, minutes, title: of the item.
+        task: the wording of the question below its title, "" where the title is all of it.
         seconds: spent on it.
         answer, answered: the answer so far, and whether it is complete.
         clarified: what the candidate asked first, each with the reply.
@@ -104,6 +105,7 @@ class Entry:
     chapter: int
     minutes: int
     title: str
+    task: str = ""
     seconds: float = 0.0
     answer: str = ""
     answered: bool = False
@@ -203,7 +205,7 @@ def _design(one: designs.Design, minutes: int = 0) -> Item:
         follow_ups=tuple(one.follow_ups),
         answer=answer,
         clarify=tuple(one.clarify),
-        topics=tuple(one.topics),
+        topics=tuple("|".join(alternatives) for alternatives in one.topics),
         fill=one.filled,
         aid=aid,
     )
@@ -337,18 +339,19 @@ def _has_number(line: str) -> bool:
 def reply(item: Item, question: str) -> str:
     """Return what the interviewer replies to a clarifying question; "" if nothing fits it.
 
-    A reply fits a question that uses words of its topic; of several, the one with the most. Where
-    no topic fits, the reply and its question must share two words with what was asked. One word is
-    no reason: "Which colour have the parts?" is not about how they change.
+    A reply fits a question that uses words of its topic; of several topics, the one with the most
+    words, and of those the one that is named first. Where no topic fits, the reply and its question
+    must share two words with what was asked. One word is no reason: "Which colour have the parts?"
+    is not about how they change.
     """
     texts = [re.sub(r"\{.*?\}", "", text) for text in item.clarify]  # a field's name is no word
     replies = [text.partition("? ")[2] for text in item.clarify]
     for text, whole in zip(texts, replies, strict=True):
         if text.lower().startswith(question.lower().strip(" ?") + "?"):
             return whole
-    used = [len(list(re.finditer(topic, question, re.I))) for topic in item.topics]
+    used = [[m.start() for m in re.finditer(topic, question, re.I)] for topic in item.topics]
     if any(used):
-        return replies[used.index(max(used))]
+        return replies[min(range(len(used)), key=lambda at: (-len(used[at]), *used[at][:1]))]
     requested = _stems(question) - _COMMON
     result = nearest(" ".join(requested), texts)
     if result is None or len(requested & _stems(texts[result])) < 2:
@@ -370,18 +373,20 @@ def markdown(interview: Interview) -> str:
         lines.append(f"| {one.part} | {one.chapter} | {spent} | {one.title} |")
     for one in interview.items:
         lines.append(f"\n## {one.title}\n")
+        if one.task:
+            lines.append(f"### The task\n\n{one.task}\n")
         if one.clarified:
             lines.append(f"### Your questions\n\n{one.clarified}")
         if one.answer:
-            lines.append(f"### Your answer\n\n{one.answer}")
+            written = _fenced(one.answer) if one.part == "coding" else one.answer
+            lines.append(f"### Your answer\n\n{written}")
         if one.marks:
             lines.append("### Your marks\n\n| mark | line |\n|---|---|")
             rows = zip(one.marks, one.rubric, strict=False)
             lines += [f"| {mark} | {line.replace('|', '/')} |" for mark, line in rows]
             lines.append("")
         if one.code:
-            fence = "```" + "`" * max(map(len, re.findall("`{3,}", one.code)), default=0)
-            lines.append(f"### Your code\n\n{fence}python\n{one.code.rstrip()}\n{fence}\n")
+            lines.append(f"### Your code\n\n{_fenced(one.code, 'python')}")
         if one.attempts:
             tried = [f"* {attempt['verdict']}: {attempt['sentence']}" for attempt in one.attempts]
             lines += ["### Your attempts\n", *tried, ""]
@@ -391,8 +396,26 @@ def markdown(interview: Interview) -> str:
             lines.append(f"### The model answer\n\n{one.model}\n")
     lines.append("\n## What to review\n")
     weak = [one for one in interview.items if one.score < WEAK]
-    lines += [f"* Read {one.read}." for one in weak if one.read]
+    lines += [f"* {sentence(f'Read {one.read}')}" for one in weak if one.read]
     if chapters := sorted({one.chapter for one in weak}):
         lines.append(f"* `drills review --chapters {','.join(map(str, chapters))}`")
     due = [f"* {key}" for key in interview.cards_due] or ["None."]
     return "\n".join([*lines, "\n## Cards now due\n", *due, ""])
+
+
+def sentence(text: str) -> str:
+    """Return a text with a full stop, unless it ends with a mark of its own."""
+    return text if text.endswith((".", "?", "!")) else f"{text}."
+
+
+def form(entry: Entry) -> str:
+    """Return the kind of an item in words, with what there is to do."""
+    kind = entry.key.partition("/")[0]
+    named = {"scenario": "debugging with probes", "design": "system design", "drill": "graded code"}
+    return named.get(kind, "code at a whiteboard" if entry.part == "coding" else entry.part)
+
+
+def _fenced(text: str, language: str = "text") -> str:
+    """Return a text as a block of code in Markdown."""
+    fence = "```" + "`" * max(map(len, re.findall("`{3,}", text)), default=0)
+    return f"{fence}{language}\n{text.rstrip()}\n{fence}\n"

@@ -248,7 +248,12 @@ def talk(
 
 def prompt_in(terminal: Terminal) -> str:
     """Return what asks a person for a command; "" in a pipe."""
-    return "> " * (sys.stdin.isatty() and not terminal.json)
+    return "> " * is_person(terminal)
+
+
+def is_person(terminal: Terminal) -> bool:
+    """Return whether a person types and sees prompts, not a pipe."""
+    return sys.stdin.isatty() and not terminal.json
 
 
 def _lines(terminal: Terminal, read: Callable[..., str]) -> Iterator[str]:

@@ -28,12 +28,17 @@ from drills.interview import debug as debugging
 from drills.plain_math import plain
 from drills.progress import SOLVED
 from drills.session import RIGHT, Session, body, options
-from drills.terminal import OutputLost
+from drills.terminal import OutputLost, listed
 from drills.workspace import Misuse
 
 _TYPED = ("answer", "clarified", "reply")  # texts of an entry that come line by line
 EVERY = frozenset(chapter.number for chapter in CHAPTERS)
 NONE_OPEN = "You have no unfinished interview. drills interview starts one."
+ASSUME = (
+    "I have no answer to that as you word it. Ask it in other words, or make an assumption and "
+    "state it."
+)
+WHITEBOARD = "Write the code here, as you would at a whiteboard, and explain it. It is not run."
 QUIT = "stop without a conclusion; the interview continues"
 MEANING = {  # of each mark
     "missing": "you did not mention it",
@@ -152,6 +157,16 @@ class Talk:
             )
         self.interview = Interview(
             self.last_look.isoformat(timespec="milliseconds"), seed, minutes, entries
+        )
+
+    def announce(self) -> None:
+        """Print what comes: the number of items, and the kind and the minutes of each."""
+        items = self.interview.items
+        planned = sum(entry.minutes for entry in items)
+        forms = [f"{rehearsal.form(entry)} ({entry.minutes} min)" for entry in items]
+        self.session.wrap(
+            f"{questions(len(items))}, planned for {planned} of your {self.interview.minutes} "
+            f"minutes: {listed(forms, 'and')}."
         )
 
     def describe_open(self, past: Past) -> list[str]:
@@ -424,7 +439,7 @@ class Talk:
                 continue
             self.add(entry, "clarified", f"* {line}")  # stored before anything else happens
             text = rehearsal.reply(item, clean(line[:LONGEST]))
-            text = item.fill(text, figure) or "That is yours to assume. State your assumption."
+            text = item.fill(text, figure) or ASSUME
             self.session.wrap(plain(text), "  ", "  ")
             self.add(entry, "clarified", f"  *{text}*")
         self.book_time(entry)
@@ -433,6 +448,8 @@ class Talk:
         """Ask one question: the answer, its marks, the follow-up, then the model answer."""
         if not entry.answered:
             self.ask(item.title)
+            if item.part == "coding":
+                self.session.wrap(WHITEBOARD)
             if item.clarify and not entry.answer:
                 self.clarify(item, entry)
             self.take(entry, "answer")
@@ -450,7 +467,10 @@ class Talk:
         for at in range(len(entry.marks), len(item.rubric)):
             line = item.fill(item.rubric[at], figure) + (hints[at] if hints else "")
             self.session.wrap(plain(line), "      ", f"  {at + 1:>2}. ")
-            while (mark := self.read_line().strip()) not in tuple("0123"):
+            prompt = [f"      mark 0-{len(MARKS) - 1}: "] * debugging.is_person(
+                self.session.terminal
+            )
+            while (mark := self.read_line(*prompt).strip()) not in tuple("0123"):
                 self.session.say(f"      Type a mark from 0 to {len(MARKS) - 1}.")
             entry.marks.append(MARKS[int(mark)])
             self.book_time(entry)
@@ -518,7 +538,8 @@ class Talk:
         self.ask(card.title)
         self.session.wrap(f"Write {card.entry} in {workspace.shown(path)}.")
         self.session.say()
-        self.show(task_text.task(card))
+        entry.task = task_text.task(card)
+        self.show(entry.task)
         verdicts: list[str] = [attempt["verdict"] for attempt in entry.attempts]
         while "pass" not in verdicts:
             editor = "e opens your editor, " * self.editor
@@ -554,6 +575,7 @@ class Talk:
             self.begin()
             for entry in self.interview.items:
                 item = items.get(entry.key)
+                entry.task = entry.task or (item.title.partition("\n")[2] if item else "")
                 if item and not entry.done:
                     kind = item.key.partition("/")[0]
                     runners = {"drill": self.code, "scenario": self.debug}
@@ -602,7 +624,7 @@ class Talk:
             lead = f"{one.score:>4.0%} {one.seconds / 60:>3.0f} min  "
             session.wrap(one.title, " " * len(lead), lead)
             if one.read:
-                session.wrap(f"Read {one.read}.", " " * len(lead))
+                session.wrap(rehearsal.sentence(f"Read {one.read}"), " " * len(lead))
         if due := self.interview.cards_due:
             cards = "1 card is" if len(due) == 1 else f"{len(due)} cards are"
             session.say(f"{cards} due: drills review")
@@ -700,4 +722,5 @@ def command(
         talk.resume(resume)
     else:
         talk.draw(minutes, seed, chapters, tuple(p for p in PARTS if p in (kind or PARTS)))
+        talk.announce()
     return talk.run()

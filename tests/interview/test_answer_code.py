@@ -52,6 +52,13 @@ def executed(name: str, **given: Any) -> Names:
     return names
 
 
+def test_a_question_on_coding_asks_for_code() -> None:
+    """An interview draws these as tasks at the whiteboard, so something has to be written."""
+    coding = [question for question in QUESTIONS.values() if question.kind == "coding"]
+    assert len(coding) > 12
+    assert [q.title for q in coding if not re.search(r"\bWrite\b", q.title)] == []
+
+
 def test_a_request_for_code_is_answered_with_code() -> None:
     any_code = re.compile(r"^```(python|cpp)\n", re.M)
     missing = [

@@ -77,6 +77,13 @@ def test_words_alone_name_and_nothing_is_missing_from_nothing(name: str) -> None
     assert set(result.values()) <= {"missing", "named"} and designs.score(design, result) > 0.2
 
 
+@pytest.mark.parametrize("standard", ["ISO 13482", "ISO 10218-1:2025", "IEC 61508", "ISO/TS 15066"])
+def test_the_number_of_a_standard_names_one(standard: str) -> None:
+    result = designs.levels(DESIGNS["among_people"], f"I begin with {standard}.")
+    assert result["hazards"] == "named"
+    assert designs.levels(DESIGNS["among_people"], "I isolate it.")["hazards"] == "missing"
+
+
 @given(st.permutations(WEAK), st.integers(1, 4))
 @budget.examples(20)
 def test_saying_more_never_lowers_a_level(paths, n: int) -> None:

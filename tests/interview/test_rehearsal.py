@@ -207,6 +207,13 @@ def test_a_line_that_the_terminal_cuts_is_said(place: Place) -> None:
     assert len(interview.items[0].answer) > 4000
 
 
+def test_the_first_of_topics_with_as_many_words_gets_its_reply() -> None:
+    one = item("x", clarify=("A? About a.", "B? About b."), topics=("people", "speed"))
+    assert rehearsal.reply(one, "Which speed near people?") == "About b."
+    assert rehearsal.reply(one, "Do people limit its speed?") == "About a."
+    assert rehearsal.reply(one, "People, at which speed near people?") == "About a."
+
+
 def test_of_lines_that_are_as_weak_not_always_the_first_is_asked_about() -> None:
     one = item("x", rubric=("a", "b", "c"))
     drawn = {rehearsal.follow_up(one, ["named"] * 3, seed)[0] for seed in range(30)}
@@ -517,7 +524,7 @@ def test_a_design_is_clarified_before_it_is_answered(
     text = ["How many robots and which sensors?", "xyzzy?", ".", "An answer.", "."]
     talk.read_line = iter([*text, *["1"] * len(item_.rubric), "A reply.", "."]).__next__
     assert talk.run() == 0
-    assert "a scanner of" in rehearsed.clarified and "yours to assume" in rehearsed.clarified
+    assert "a scanner of" in rehearsed.clarified and "no answer to that" in rehearsed.clarified
     assert rehearsed.answer == "An answer.\n"
     out = capsys.readouterr().out
     assert out.index("First ask what you need") < out.index("ends your answer")
@@ -557,7 +564,7 @@ def test_the_report_has_marks_answers_model_answers_and_what_to_review() -> None
     weak = rehearsal.Entry("a", "concept", 1, 5, "A?", answer="My answer.", rubric=["One", "Two"])
     weak.marks, weak.score, weak.read, weak.model = ["missing", "named"], 1 / 6, "chapter 1", "So."
     weak.asked, weak.reply = "One You have not said this.", "My reply."
-    weak.code = "def f(x):\n    return x\n"
+    weak.code, weak.task = "def f(x):\n    return x\n", "The task in full."
     good = rehearsal.Entry("b", "design", 12, 15, "B?", score=1.0, clarified="* Who? *They.*")
     page = rehearsal.markdown(rehearsal.Interview("2026-01-02T03:04:05", 1, 45, [weak, good]))
     for text in (
@@ -570,7 +577,46 @@ def test_the_report_has_marks_answers_model_answers_and_what_to_review() -> None
         "Who?",
     ):
         assert text in page
+    assert page.index("The task in full.") < page.index("My answer.")
     assert "* Read chapter 1." in page and "`drills review --chapters 1`" in page
+
+
+def test_the_report_shows_code_of_the_whiteboard_as_code_and_ends_sentences_once() -> None:
+    entry = rehearsal.Entry("question/a/b", "coding", 1, 5, "Write it.")
+    entry.answer, entry.read = "for i in a:\n    # one\n    b *= i\n", "chapter 1, section 3: Why?"
+    page = rehearsal.markdown(rehearsal.Interview("2026-01-02T03:04:05", 1, 45, [entry]))
+    assert f"```text\n{entry.answer}```" in page
+    assert "* Read chapter 1, section 3: Why?\n" in page
+    assert rehearsal.sentence("Read it") == "Read it."
+
+
+def test_the_report_has_the_task_of_a_scenario(place: Place) -> None:
+    talk = talk_of(place, [], 15, ("debugging",), 1)
+    talk.interview.items = [rehearsal.Entry("scenario/touch", "debugging", 12, 10, "It hammers.")]
+    talk.read_line = iter(["quit"]).__next__
+    assert talk.run() == 0
+    (page,) = place.work.glob("interview/report-*.md")
+    assert scenarios.scenario("touch").prompt in page.read_text("utf-8")
+
+
+def test_an_interview_begins_with_what_comes(place: Place) -> None:
+    out = " ".join(place.run("interview", "--seed", "7").out.split())
+    (interview,) = json.loads((place.work / "interviews.json").read_text())["open"].values()
+    items = interview["items"]
+    planned = sum(one["minutes"] for one in items)
+    announced = f"{len(items)} questions, planned for {planned} of your 45 minutes:"
+    assert out.index(announced) < out.index("45 min left")
+    names = {"concept": "concept", "debugging": "debugging with probes", "design": "system design"}
+    for one in items:
+        coding = "graded code" if one["key"].startswith("drill/") else "code at a whiteboard"
+        assert f"{names.get(one['part'], coding)} ({one['minutes']} min)" in out
+
+
+@pytest.mark.slow
+def test_a_terminal_asks_for_each_mark(place: Place) -> None:
+    options = ["interview", "--kind", "design", "--minutes", "15", "--seed", "7"]
+    _, out = in_terminal(place, options, ".\nAn answer.\n.\n", until="mark 0-3:")
+    assert out.index("How good was that?") < out.index("mark 0-3:")
 
 
 # --- Ended from outside, a pipe, a terminal -------------------------------------------------------

@@ -180,6 +180,14 @@ def answer_to(name: str, seed: int) -> str:
     return scenarios.NONE if drawn == missing else drawn
 
 
+def test_the_lag_that_the_task_allows_is_the_one_that_counts_as_gone() -> None:
+    one = scenarios.scenario("late")
+    (allowed,) = (float(text) for text in re.findall(r"less than (\d+) mm", one.prompt))
+    assert one.removed(allowed - 1e-6) and not one.removed(allowed)
+    before = [scenarios.symptom("late", None, cause.name, 0) for cause in one.causes]
+    assert 1.7 * allowed < min(before) and max(before) < 2.1 * allowed  # "nearly twice as much"
+
+
 def test_a_slide_that_survives_is_not_called_lost() -> None:
     """The figure is then the end of the run."""
     case = scenarios.diagnose("explodes", seed_of("explodes", "double_brake"))

@@ -90,7 +90,7 @@ class Design:
         title: the wording of the question.
         minutes: for all of it, five of them for `clarify`.
         clarify: questions to ask first, each with the interviewer's reply.
-        topics: for each of `clarify`, words of questions about it, a regular expression.
+        topics: for each of `clarify`, regular expressions of words in questions about it.
         boxes: name -> (column, row) in the drawing.
         arrows: between them, along a row or a column.
         path: what flows along the chain whose age counts.
@@ -103,7 +103,7 @@ class Design:
     title: str
     minutes: int
     clarify: Sequence[str]
-    topics: Sequence[str]
+    topics: Sequence[Sequence[str]]
     boxes: Mapping[str, Sequence[int]]
     arrows: Sequence[Arrow]
     path: Sequence[str]

@@ -15,7 +15,7 @@ Run = Callable[[str, int], float]
 Rows = NDArray[np.void]
 
 TICKS = 4000  # of a run; the lag is evaluated in its second half
-LAGGING = 22.0  # mm
+LAGGING = 22.0  # mm: the gripper tolerates a smaller lag
 NOMINAL = Line(
     speed=0.4,
     frame=0.02,
@@ -155,10 +155,10 @@ SCENARIO = Scenario(
     prompt="A camera observes parts on a moving belt, and a tool follows them. Each image goes "
     "over a link into a queue. A vision node takes it from there and computes the position of the "
     "part. A control loop filters the positions and sends commands to the drive of the tool. At "
-    "this belt speed the tool should lag by less than twenty millimetres, which the gripper "
-    "tolerates. It lags by about forty. You can read the program, but not the parameters of the "
-    "line, which are on its controller; you can only run the probes below. What causes the lag, "
-    "and what do you change?",
+    f"this belt speed the tool should lag by less than {LAGGING:g} mm, which the gripper "
+    "tolerates. It lags by nearly twice as much. You can read the program, but not the parameters "
+    "of the line, which are on its controller; you can only run the probes below. What causes the "
+    "lag, and what do you change?",
     symptom_words="lag of the tool",
     unit="mm",
     symptom=symptom,
