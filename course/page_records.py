@@ -33,7 +33,11 @@ T = TypeVar("T")
 
 
 def from_record(
-    name: str, compute: Callable[[T], Any], cases: Iterable[T], checked: int = 1
+    name: str,
+    compute: Callable[[T], Any],
+    cases: Iterable[T],
+    checked: int = 1,
+    close: float = CLOSE,
 ) -> list[Any]:
     """Return `compute(case)` for each case, computed or read from the record.
 
@@ -44,6 +48,8 @@ def from_record(
         cases: what it is called with. What it returns must not depend on the cases before.
         checked: how many cases are computed and compared where the others are read, evenly
             spaced from the first one on.
+        close: largest relative difference of a computed number from the one on record; larger for a
+            share of runs, of which another processor may decide one or two differently.
 
     Returns:
         One result for each case.
@@ -64,7 +70,7 @@ def from_record(
         raise invalid(f"record {name}", len(result), f"{len(every)} results: `make notebooks`")
     for index in (k * len(every) // checked for k in range(checked)):
         made = _plain(compute(every[index]))
-        if not _agree(made, result[index]):
+        if not _agree(made, result[index], close):
             where = f"case {index} of {name}"
             raise invalid(where, made, f"as on record, {result[index]!r}: `make notebooks`")
     return result
@@ -107,14 +113,15 @@ def _plain(value: Any) -> Any:
     return [_plain(each) for each in value] if isinstance(value, list | tuple) else value
 
 
-def _agree(one: Any, other: Any) -> bool:
+def _agree(one: Any, other: Any, close: float) -> bool:
     """Return whether two results are the same but for the last digits of their numbers."""
     if isinstance(one, list) and isinstance(other, list):
         pairs = zip(one, other, strict=False)
-        return len(one) == len(other) and all(_agree(*pair) for pair in pairs)
+        return len(one) == len(other) and all(_agree(*pair, close) for pair in pairs)
     if isinstance(one, dict) and isinstance(other, dict):
-        return one.keys() == other.keys() and all(_agree(one[key], other[key]) for key in one)
+        same = one.keys() == other.keys()
+        return same and all(_agree(one[key], other[key], close) for key in one)
     if isinstance(one, float) and isinstance(other, float):
         both_missing = math.isnan(one) and math.isnan(other)
-        return both_missing or math.isclose(one, other, rel_tol=CLOSE, abs_tol=1e-9)
+        return both_missing or math.isclose(one, other, rel_tol=close, abs_tol=1e-9)
     return type(one) is type(other) and bool(one == other)

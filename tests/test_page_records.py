@@ -108,6 +108,15 @@ def test_results_are_compared_up_to_the_last_digits(
             from_record("topic.one", lambda _: now, [0])
 
 
+def test_a_share_of_runs_may_differ_by_as_much_as_it_says(mode: Callable[[str], None]) -> None:
+    mode("stored")
+    from_record("topic.share", lambda _: 0.5, [0])
+    mode("recorded")
+    assert from_record("topic.share", lambda _: 0.504, [0], close=0.01) == [0.5]
+    with pytest.raises(ValueError, match="as on record"):
+        from_record("topic.share", lambda _: 0.506, [0], close=0.01)
+
+
 def test_a_number_comes_back_to_its_last_bit(mode: Callable[[str], None]) -> None:
     numbers = np.random.default_rng(0).standard_normal(50) * 10.0 ** np.arange(-25, 25)
     mode("stored")

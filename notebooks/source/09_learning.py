@@ -1742,7 +1742,7 @@ executors = (
     ("each step, delayed by 1", Delayed, 1),
     ("each step, delayed by 3", Delayed, 3),
 )
-runs = from_record("learning.executed", executed, executors)
+runs = from_record("learning.executed", executed, executors, close=0.02)
 figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
 rows = [("executed", "two routes (mixture): pass", "with disturbances of 50 mm", "regulator: lost",
          "trained with disturbances: lost", "third task: wrong of 40")]  # fmt: skip
