@@ -15,10 +15,12 @@ Markers say where a test runs. They stand at the test, or in `pytestmark` of its
 as well: what is marked `prove`, and every property with ten times as many examples, sampled afresh.
 """
 
+import gc
 import importlib.util
 import os
 import shutil
 import signal
+from collections.abc import Generator
 from pathlib import Path
 
 import hypothesis
@@ -102,6 +104,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     config.hook.pytest_deselected(items=[item for item in items if not selected(item)])
     # What waits for a browser or for the site comes first: as the last it would run alone.
     items[:] = sorted(filter(selected, items), key=lambda item: not _waits(item.path))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Collect the tests without looking for garbage: what they import stays until the end."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_ignore_collect(collection_path: Path) -> bool | None:
