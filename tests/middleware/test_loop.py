@@ -47,6 +47,7 @@ def test_periods_that_are_over_are_skipped_not_bunched(took: int, missed: int):
 
 @pytest.mark.prove
 def test_what_was_granted_is_what_the_system_says_and_all_is_restored():
+    gc.unfreeze()  # what was set aside when the tests were collected
     before = loop.given(), gc.isenabled(), gc.get_freeze_count()
     core = min(os.sched_getaffinity(0))
     with loop.urgent(core=core, priority=20) as granted:
