@@ -16,7 +16,7 @@ from numba.extending import register_jitable
 from course import pipeline as chapter
 from course.measure.success import wilson
 from course.pipeline import blame, drive, theory
-from course.pipeline.run import Run, successes, tip_of
+from course.pipeline.run import Run, tip_of
 from course.pipeline.stages import Path, Stages, plan_path
 from course.planning import plan as planner
 from course.simulations import pen as draw
@@ -61,14 +61,18 @@ REASONS = (
     "no plan",
     "the arm diverged",
     "stopped",
+    "being computed",
 )
-# What `told` holds: share of successes and its band, checks, age of what is acted upon [s], the
+UNDER_WAY = len(REASONS) - 1
+# What the report holds: share of successes and its band, checks, age of what is acted upon [s], the
 # largest stable step of the physics [s], energy that came from nowhere, how it ended, the contract
 # broken first, whose repair alone cures (0 for nobody's), plans, whether stages are replayed, how
 # many runs are missing until all of this is complete; then the signed parts [m].
 SHARE, LOW, HIGH, CHECKS, AGE, LIMIT, GAINED, ENDED, BROKEN, CURED, ASKED, REPLAYED = range(12)
 LEFT, PARTS = 12, 13
-PORTION = 2  # runs at a time, while a notebook goes on answering
+# A notebook goes on answering between portions: after so many runs, and within a run after the
+# first slice with which the planner has made so many checks more.
+PORTION, SLICES, CHECKED = 2, 40, 5_000
 
 CONTROLS = Record(
     noise=slider("Perception Noise", 0.05, 0.0, 0.2, 0.005, "m", 3),
@@ -144,22 +148,29 @@ def agreed(scenario, settings):
 
 
 class Count:
-    """The report of the run as the controls have it, complete after several portions.
+    """The run as the controls have it and its report, complete after several portions.
 
     A notebook shows the run at once, and counts and replays while it goes on answering.
 
     Attributes:
         report: of what has been computed so far.
+        drawn: what is drawn of the run, as far as it has come, in the order of the state.
     """
 
     def __init__(self, values):
         self.report = np.zeros(PARTS + 2 * len(STAGES))
-        self._portions = _portions(values, self.report)
+        self.report[LEFT], self.report[ENDED] = 1 + COUNTED + len(blame.REPLAYED), UNDER_WAY
+        self.drawn = ()
+        self._observed = Observed(values)
+        self._portions = _portions(values, self._observed, self.report)
         self.more()
 
     def more(self):
         """Compute the next portion; return whether any is left."""
+        going = self.report[ENDED] == UNDER_WAY
         next(self._portions, None)
+        if going:
+            self.drawn = self._observed.drawn()
         # A run that diverged leaves numbers that no readout can show.
         self.report[~np.isfinite(self.report)] = 0.0
         return bool(self.report[LEFT] > 0.0)
@@ -179,22 +190,20 @@ def counted(values):
     return whole.report
 
 
-def _portions(values, report):
+def _portions(values, observed, report):
     """Fill in the report: first what the run itself says, then a few other runs at a time."""
     scenario, settings = scenario_and_settings(values)
     # One recorded run is diagnosed in detail; the success rate comes from several seeds, fewer of
     # them if planning is expensive.
-    record = chapter.run(scenario, settings, seed=SEED)
-    report[CHECKS], report[ASKED] = sum(p.value.checks for p in record.plans), len(record.plans)
+    for _ in _slices(observed.process):
+        _tell(observed.process.record(), report)
+        yield
+    record = observed.process.record()
+    _tell(record, report)
     dear = report[CHECKS] > DEAR
     seeds = FEWER if report[CHECKS] > MANY else COUNTED
     stages = () if dear else blame.REPLAYED
     report[LEFT] = seeds + len(stages)
-    report[AGE] = 1e-6 * np.mean([p.arrived - p.captured for p in record.pictures] or [0])
-    # The step limit is that of the loop at the planned posture, or at the start without a plan.
-    posture = record.plans[0].value.goal if record.plans else np.full(2, np.nan)
-    posture = posture if np.isfinite(posture).all() else np.array(scenario.start)
-    report[LIMIT] = theory.step_limit(scenario.arm, posture, settings.kp, settings.kd)
     report[GAINED] = blame.gained(record, settings.kp, settings.kd)
     # Reasons and contracts are strings of the chapter; the state can hold their numbers only.
     text = record.reason.split(":")[0]
@@ -209,7 +218,9 @@ def _portions(values, report):
     yield
     good = 0
     for seed in range(seeds):
-        good += int(successes(chapter.run_many(scenario, settings, [seed])).sum())
+        other = Run(scenario, settings, seed=seed)
+        yield from _slices(other)
+        good += other.record().success
         report[LEFT] -= 1
         if seed % PORTION == PORTION - 1 and seed < seeds - 1:
             yield
@@ -226,57 +237,105 @@ def _portions(values, report):
         report[LEFT] -= 1
 
 
+def _slices(process):
+    """Advance a run to its end; yield on the way wherever the planner has checked much."""
+    done = 0
+    for k in range(1, SLICES):
+        process.to(SECONDS * k / SLICES)
+        checks = sum(p.value.checks for p in process.plans)
+        if checks > done + CHECKED:
+            done = checks
+            yield
+    process.to(SECONDS)
+
+
+def _tell(record, report):
+    """Fill in what a run says before its end: its plans, the age of what it sees, its limit."""
+    report[CHECKS], report[ASKED] = sum(p.value.checks for p in record.plans), len(record.plans)
+    report[AGE] = 1e-6 * np.mean([p.arrived - p.captured for p in record.pictures] or [0])
+    # The step limit is that of the loop at the planned posture, or at the start without a plan.
+    scenario, settings = record.scenario, record.settings
+    posture = record.plans[0].value.goal if record.plans else np.full(2, np.nan)
+    posture = posture if np.isfinite(posture).all() else np.array(scenario.start)
+    report[LIMIT] = theory.step_limit(scenario.arm, posture, settings.kp, settings.kd)
+
+
+class Observed:
+    """The run that is drawn: its planner leaves the tree of its last call.
+
+    Attributes:
+        process: the run.
+    """
+
+    def __init__(self, values):
+        scenario, settings = scenario_and_settings(values)
+        self._tree = np.zeros((4, TREE))
+
+        def grown(world, start, goal, settings, rng):
+            result = planner(
+                world, start, goal, budget=settings.samples, rng=rng, step=settings.step
+            )
+            inner = np.flatnonzero(result.parents >= 0)[:TREE]
+            self._tree[:, : inner.size] = np.concatenate(
+                [tip_of(scenario.arm, result.nodes[:, k]) for k in (result.parents[inner], inner)]
+            )
+            return result.path, result.state_checks + result.edge_checks, result.status
+
+        def planned(start, goal, scenario, settings, rng) -> Path:
+            return plan_path(start, goal, scenario, settings, rng, grown)
+
+        self.process = Run(scenario, settings, Stages(plan=planned), SEED)
+        self._times = np.linspace(0.0, SECONDS, SHOWN + 1)
+        self._target = scenario.at(0.0)[:, None] + np.outer(scenario.velocity, self._times)
+
+    def retarget(self, when, x, y):
+        """Advance to a time [s] and put the target to (x, y) [m] from then on."""
+        if self.process.to(when):
+            self.process.retarget((x, y))
+            self._target[:, self._times >= when] = [[x], [y]]
+
+    def drawn(self):
+        """Return what is drawn of the run as far as it has come, in the order of the state.
+
+        The arm stays where the run has brought it.
+        """
+        record = self.process.record()
+        # The log has its own rate: each shown moment takes the last row before it.
+        rows = (self._times / (1e-6 * record.step) + 1e-9).astype(int)
+        rows = np.minimum(rows, len(record.log) - 1)
+        observed = np.zeros((8, FRAMES))
+        observed[0] = NEVER
+        # Only pictures that the estimator used; those beyond the room of the state are omitted.
+        pictures = [k for k in np.flatnonzero(record.sightings[:, drive.USED] > 0.0)][:FRAMES]
+        table, row = record.timetable, record.sightings[pictures]
+        observed[0, : len(pictures)] = 1e-6 * table.arrived[pictures]
+        observed[1, : len(pictures)] = 1e-6 * table.captured[pictures]
+        columns = [drive.PLACE, drive.PLACE + 1, drive.GUESS, drive.GUESS + 1]
+        observed[2:6, : len(pictures)] = row[:, columns].T
+        observed[6:, : len(pictures)] = row[:, [drive.GUESS_SPREAD, drive.GUESS_SPREAD + 2]].T
+        paths, ready = np.zeros((2, PLANS, LINE)), np.full(PLANS, NEVER)
+        for k, crossing in enumerate(record.plans[-PLANS:]):
+            if crossing.value.motion is not None:
+                ready[k] = 1e-6 * crossing.arrived
+                path = crossing.value.waypoints
+                # Resample a path at equal distances in joint space, so that it has a fixed number
+                # of points.
+                along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path), axis=0))))
+                at = np.linspace(0.0, along[-1], LINE)
+                points = np.stack([np.interp(at, along, w) for w in path])
+                paths[:, k] = tip_of(record.scenario.arm, points)
+        q, desired = (record.log[rows, k : k + 2].T.copy() for k in (drive.Q, drive.REFERENCE))
+        return q, desired, self._target.copy(), observed, self._tree.copy(), paths, ready
+
+
 def shown(values, moves):
     """Return what is drawn of the run in which the target was moved, in the order of the state."""
-    scenario, settings = scenario_and_settings(values)
-    tree = np.zeros((4, TREE))
-
-    # The planner is wrapped, so that the tree of its last call can be drawn.
-    def grown(world, start, goal, settings, rng):
-        result = planner(world, start, goal, budget=settings.samples, rng=rng, step=settings.step)
-        inner = np.flatnonzero(result.parents >= 0)[:TREE]
-        tree[:, : inner.size] = np.concatenate(
-            [tip_of(scenario.arm, result.nodes[:, k]) for k in (result.parents[inner], inner)]
-        )
-        return result.path, result.state_checks + result.edge_checks, result.status
-
-    def planned(start, goal, scenario, settings, rng) -> Path:
-        return plan_path(start, goal, scenario, settings, rng, grown)
-
-    process = Run(scenario, settings, Stages(plan=planned), SEED)
-    times = np.linspace(0.0, SECONDS, SHOWN + 1)
     # Moves of the target are replayed at their times; the past before them stays as it was.
-    target = scenario.at(0.0)[:, None] + np.outer(scenario.velocity, times)
+    observed = Observed(values)
     for when, x, y in moves.T:
-        if process.to(when):
-            process.retarget((x, y))
-            target[:, times >= when] = [[x], [y]]
-    process.to(SECONDS)
-    record = process.record()
-    # The log has its own rate: each shown moment takes the last row before it.
-    rows = np.minimum((times / (1e-6 * record.step) + 1e-9).astype(int), len(record.log) - 1)
-    observed = np.zeros((8, FRAMES))
-    observed[0] = NEVER
-    # Only pictures that the estimator used; those beyond the room of the state are omitted.
-    pictures = [k for k in np.flatnonzero(record.sightings[:, drive.USED] > 0.0)][:FRAMES]
-    table, row = record.timetable, record.sightings[pictures]
-    observed[0, : len(pictures)] = 1e-6 * table.arrived[pictures]
-    observed[1, : len(pictures)] = 1e-6 * table.captured[pictures]
-    columns = [drive.PLACE, drive.PLACE + 1, drive.GUESS, drive.GUESS + 1]
-    observed[2:6, : len(pictures)] = row[:, columns].T
-    observed[6:, : len(pictures)] = row[:, [drive.GUESS_SPREAD, drive.GUESS_SPREAD + 2]].T
-    paths, ready = np.zeros((2, PLANS, LINE)), np.full(PLANS, NEVER)
-    for k, crossing in enumerate(record.plans[-PLANS:]):
-        if crossing.value.motion is not None:
-            ready[k] = 1e-6 * crossing.arrived
-            path = crossing.value.waypoints
-            # Resample a path at equal distances in joint space, so that it has a fixed number of
-            # points.
-            along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path), axis=0))))
-            at = np.linspace(0.0, along[-1], LINE)
-            paths[:, k] = tip_of(scenario.arm, np.stack([np.interp(at, along, w) for w in path]))
-    q, desired = (record.log[rows, k : k + 2].T.copy() for k in (drive.Q, drive.REFERENCE))
-    return q, desired, target, observed, tree, paths, ready
+        observed.retarget(when, x, y)
+    observed.process.to(SECONDS)
+    return observed.drawn()
 
 
 @register_jitable
@@ -300,9 +359,11 @@ def _reachable(x, y):
 
 
 def computed(values, moves):
-    """Return `told`, and what is drawn, in the order of the state."""
+    """Return the report, and what is drawn, in the order of the state."""
     key = tuple(values.tolist())
-    return counted(key), *shown(key, moves)
+    report = counted(key)
+    # Without a move the run that was reported on is the one that is drawn.
+    return report, *(shown(key, moves) if moves.size else count(key).drawn)
 
 
 @register_jitable
@@ -353,21 +414,30 @@ def initial(controls, state):
 
 
 def draft(controls, state):
-    """Set up the run alone; `complete` adds its repairs and the successes of other seeds."""
+    """Set up the run, or its beginning where planning takes long; `complete` adds the rest."""
     _take(controls, state)
-    key = tuple(state["values"].tolist())
-    state["report"][:] = count(key).report
-    fields = "q", "reference", "target", "sightings", "tree", "paths", "ready"
-    for name, value in zip(fields, shown(key, np.empty((3, 0))), strict=True):
-        state[name][:] = value
+    _put(state, count(tuple(state["values"].tolist())))
 
 
 def complete(state):
-    """Add a few more runs to what was drafted; return whether any are left."""
+    """Add the rest of a long run, or a few more runs, to what was drafted.
+
+    Returns:
+        Whether any are left.
+    """
     whole = count(tuple(state["values"].tolist()))
     left = whole.more()
-    state["report"][:] = whole.report
+    _put(state, whole)
     return left
+
+
+def _put(state, whole):
+    """Write what has been counted into the state, and its run unless the target was moved since."""
+    state["report"][:] = whole.report
+    fields = "q", "reference", "target", "sightings", "tree", "paths", "ready"
+    if state["moved"] == 0:
+        for name, value in zip(fields, whole.drawn, strict=True):
+            state[name][:] = value
 
 
 def advance(state, controls, seconds):

@@ -183,3 +183,46 @@ def test_a_draft_that_is_completed_is_what_the_start_computes():
     assert drafted.state.tobytes() == whole_run.state.tobytes()
     assert np.array_equal(drawn, whole_run.state["q"])
     assert whole_run.state["report"][whole.LEFT] == 0.0 < whole_run.state["report"][whole.HIGH]
+
+
+def test_a_draft_of_a_run_that_plans_much_is_its_beginning():
+    """A slider is answered after a few plans; the rest comes between other messages."""
+    whole.count.cache_clear()
+    drafted = Experiment(whole.MODEL)
+    drafted.drafts = True
+    drafted.choose("All to extremes")
+    state, report = drafted.state, drafted.state["report"]
+    scenario, settings = whole.scenario_and_settings(tuple(state["values"].tolist()))
+    record = chapter.run(scenario, settings, seed=whole.SEED)
+    checks = np.cumsum([crossing.value.checks for crossing in record.plans])
+    # The first portion ends within a slice after the limit, far from the run's end.
+    assert whole.CHECKED < report[whole.CHECKS] < 0.1 * checks[-1]
+    assert report[whole.CHECKS] == checks[int(report[whole.ASKED]) - 1]
+    assert report[whole.ENDED] == whole.UNDER_WAY and report[whole.LEFT] > 0.0
+    rows = np.arange(whole.SHOWN + 1) * (len(record.log) - 1) // whole.SHOWN
+    angles = record.log[rows, whole.drive.Q : whole.drive.V].T
+    begun = np.flatnonzero((state["q"] == angles).all(axis=0))
+    assert begun.size > 1 and np.array_equal(begun, np.arange(begun.size)), "it is its beginning"
+    portions, seen = 0, [report[whole.CHECKS]]
+    while drafted.complete():
+        portions += 1
+        seen.append(report[whole.CHECKS])
+    assert portions > 20 and max(np.diff(seen)) < 0.1 * checks[-1]
+    # In slices it is the run that it is in one go.
+    assert np.array_equal(state["q"], angles)
+    assert (report[whole.CHECKS], report[whole.ASKED]) == (checks[-1], len(record.plans))
+    assert whole.REASONS[int(report[whole.ENDED])] == record.reason.split(":")[0]
+    others = chapter.run_many(scenario, settings, range(whole.FEWER))
+    assert report[whole.SHARE] == np.mean(chapter.successes(others))
+
+
+def test_a_target_that_is_moved_while_a_draft_is_completed_stays_moved():
+    whole.count.cache_clear()
+    drafted = Experiment(whole.MODEL)
+    drafted.drafts = True
+    drafted.set(kp=70.0)
+    drafted.drag(2.5, 3.7)
+    moved = drafted.state["q"].copy()
+    while drafted.complete():
+        pass
+    assert np.array_equal(drafted.state["q"], moved)
