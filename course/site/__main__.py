@@ -1,5 +1,6 @@
 """`python -m course.site` builds the folder `site/`."""
 
+import gc
 import sys
 import time
 from pathlib import Path
@@ -15,6 +16,7 @@ from course.site import build
 def main(target: Path, work: Path) -> None:
     """Build the static site from the committed notebooks, into TARGET, by way of WORK."""
     start = time.perf_counter()
+    gc.disable()  # what a build makes stays until it ends
     try:
         build.build(target, work=work)
     except build.Unbuildable as problem:
