@@ -5,6 +5,14 @@ two lines of `+++`, then a part `## In a minute` and a part `## In full`. Number
 field such as `{claim.figure:.3g}` is filled when it is shown (`course.interview.fields`), so the
 answer moves with the measurement.
 
+The follow-ups are a list of texts. In a table instead, each has a key, by which a line of the
+rubric names the follow-up that it triggers:
+
+    rubric = ["A line.", { line = "Another line.", follow_up = "price" }]
+    [follow_ups]
+    price = "What does it cost?"
+    test = "How do you test it?"
+
 The chapter's algorithms, and the functions of their steps:
 
 - Score intervals of a success rate (Wilson, 1927): `estimates.wilson_low`, `wilson_high`; the
@@ -24,8 +32,9 @@ Examples:
 
 import re
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from course import CHAPTERS
 from course.interview.fields import FIELD, Figure
@@ -58,6 +67,7 @@ class Question:
         follow_ups: the next questions; in the file also the name of another question.
         rubric: the content of an answer, from the weakest to the best.
         minute, full: the answers, Markdown with fields that are not filled yet.
+        triggers: the lines of the rubric that name a follow-up, each with its text.
     """
 
     name: str
@@ -71,6 +81,7 @@ class Question:
     rubric: tuple[str, ...]
     minute: str
     full: str
+    triggers: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         def refuse(name: str, allowed: str) -> None:
@@ -119,8 +130,14 @@ class Question:
         lines = [f"<br>\n\n**{self.title}**\n", f"*{self.minutes} minutes*\n"]
         lines += [folded(*pair) for pair in zip(PARTS, (self.minute, self.full), strict=True)]
         lines.append(folded("What comes next", _listed(self.follow_ups)))
-        lines.append(folded("What is listened for", f"{self.probes}\n\n{_listed(self.rubric)}"))
+        listened = f"{self.probes}\n\n{_listed(self.listened())}"
+        lines.append(folded("What is listened for", listened))
         return "\n".join(lines)
+
+    def listened(self) -> tuple[str, ...]:
+        """Return the lines of the rubric, each with the follow-up that it triggers."""
+        named = {line: f" *Follow-up: {text}*" for line, text in self.triggers.items()}
+        return tuple(line + named.get(line, "") for line in self.rubric)
 
 
 def _listed(entries: tuple[str, ...]) -> str:
@@ -166,11 +183,15 @@ def line_of(text: str, message: str) -> int:
         return int(report[1]) + 1
     named = re.search(r"; (.+) is (?:unknown|missing)$|^a follow-up must be .*, got (.+)$", message)
     what = next(filter(None, named.groups())) if named else re.split(r", | must ", message)[0]
-    lines = [
-        re.match(rf"{re.escape(what)}\s*=|## {re.escape(what)}$", row) for row in text.splitlines()
-    ]
-    result = [i for i, hit in enumerate(lines, 1) if hit]
-    result += [i for i, row in enumerate(text.splitlines(), 1) if what in row]
+    word = re.escape(what)
+    result: list[int] = []
+    for pattern in (
+        rf'follow_up\s*=\s*"{word}"',
+        rf"^(?:{word}\s*=|## {word}$)",
+        f'"{word}"',
+        word,
+    ):
+        result += [i for i, row in enumerate(text.splitlines(), 1) if re.search(pattern, row)]
     return result[0] if result else 1
 
 
@@ -181,6 +202,28 @@ def _follow_up_text(entry: str) -> str:
     for path in FOLDER.glob(f"*/{entry}.md"):
         return str(tomllib.loads(path.read_text(encoding="utf-8").split("+++\n")[1])["title"])
     raise ValueError(f"a follow-up must be a question or the name of one, got {entry}")
+
+
+def _follow_ups(head: dict[str, Any]) -> dict[str, Any]:
+    """Return the part of a head that is about follow-ups, each by its text instead of its key."""
+    named = head["follow_ups"] if isinstance(head["follow_ups"], dict) else {}
+    texts = {key: _follow_up_text(entry) for key, entry in named.items()}
+    rubric: list[str] = []
+    triggers: dict[str, str] = {}
+    for entry in head["rubric"]:
+        if isinstance(entry, str):
+            rubric.append(entry)
+            continue
+        if not isinstance(entry, dict) or entry.keys() != {"line", "follow_up"}:
+            raise ValueError(f"rubric must be texts, or a line with its follow_up, got {entry}")
+        key = entry["follow_up"]
+        if key not in texts:
+            known = ", ".join(texts) or "none: the follow-ups are a list"
+            raise ValueError(f"a follow-up must be a key of [follow_ups] ({known}), got {key}")
+        rubric.append(entry["line"])
+        triggers[entry["line"]] = texts[key]
+    listed = tuple(texts.values()) if named else tuple(map(_follow_up_text, head["follow_ups"]))
+    return {"rubric": tuple(rubric), "follow_ups": listed, "triggers": triggers}
 
 
 def _read(path: Path, text: str) -> Question:
@@ -195,14 +238,13 @@ def _read(path: Path, text: str) -> Question:
     for part in (*(set(named) - set(PARTS)), *(set(PARTS) - set(named))):
         problem = "unknown" if part in named else "missing"
         raise ValueError(f"parts must be {', '.join(PARTS)}; {part} is {problem}")
-    desired = [f for f in Question.__dataclass_fields__ if f not in ("name", "minute", "full")]
+    derived = ("name", "minute", "full", "triggers")
+    desired = [f for f in Question.__dataclass_fields__ if f not in derived]
     for key in (*(head.keys() - set(desired)), *(set(desired) - head.keys())):
         problem = "unknown" if key in head else "missing"
         raise ValueError(f"the head must have {', '.join(desired)}; {key} is {problem}")
-    head["rubric"] = tuple(head["rubric"])
-    head["follow_ups"] = tuple(map(_follow_up_text, head["follow_ups"]))
     minute, full = (named[part].strip() for part in PARTS)
-    return Question(name=path.stem, minute=minute, full=full, **head)
+    return Question(name=path.stem, minute=minute, full=full, **head | _follow_ups(head))
 
 
 def questions(topic: str, level: int | None = None) -> list[Question]:

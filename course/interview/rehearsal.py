@@ -8,7 +8,7 @@ from __future__ import annotations
 import random
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from course.check import invalid
@@ -60,7 +60,7 @@ class Item:
         answer: Markdown of the model answer.
         clarify: what a candidate may ask first, each with the interviewer's reply.
         topics: for each of `clarify`, words of questions about it, a regular expression.
-        paired: whether each line of the rubric has the follow-up at its own place.
+        triggers: lines of the rubric that name a follow-up, each with its text.
         fill: (text, figure) -> the text with its fields filled.
         aid: an answer -> the marks that its words suggest, none where nothing can tell.
     """
@@ -75,7 +75,7 @@ class Item:
     answer: str
     clarify: tuple[str, ...] = ()
     topics: tuple[str, ...] = ()
-    paired: bool = False
+    triggers: Mapping[str, str] = field(default_factory=dict)
     fill: Callable[[str, Figure], str] = filled
     aid: Callable[[str], Sequence[str]] = lambda answer: ()
 
@@ -159,7 +159,7 @@ def spoken(topics: Sequence[str]) -> list[Item]:
             part = q.kind if q.kind in PARTS else "concept"
             key, answer = f"question/{topic}/{q.name}", f"{q.minute}\n\n{q.full}"
             rest = (q.minutes, q.title, q.rubric, q.follow_ups, answer)
-            result.append(Item(key, part, q.chapter, *rest))
+            result.append(Item(key, part, q.chapter, *rest, triggers=q.triggers))
     if "interview" in topics:
         result += [_scenario(scenarios.scenario(name)) for name in scenarios.scenario_names()]
         for name in designs.NAMES:
@@ -172,12 +172,12 @@ def _scenario(one: scenarios.Scenario) -> Item:
     causes = tuple(cause.words for cause in one.causes)
     probes = "\n".join(f"* {probe.what} ({probe.minutes} minutes)" for probe in one.probes)
     answer = f"Probes to run:\n\n{probes}\n\n`drills debug {one.name}` runs the scenario."
-    report = tuple(
-        f"Which probe distinguishes this cause from the others? {words}" for words in causes
-    )
+    question = "Which probe distinguishes this cause from the others?"
+    report = tuple(f"{question} {words}" for words in causes)
     title = f"{one.title}.\n{one.prompt}"
     key = f"scenario/{one.name}"
-    return Item(key, "debugging", 12, 10, title, causes, report, answer, paired=True)
+    named = dict.fromkeys(causes, question)
+    return Item(key, "debugging", 12, 10, title, causes, report, answer, triggers=named)
 
 
 def _design(one: designs.Design, minutes: int = 0) -> Item:
@@ -315,8 +315,9 @@ def share(marks: Sequence[str]) -> float:
 def follow_up(item: Item, marks: Sequence[str], seed: int = 0) -> tuple[str, str]:
     """Return the line of the rubric that was marked lowest, and the follow-up on it.
 
-    The follow-up names the line. Of several that were marked as low, one is drawn; where all were
-    defended there is no weak line, "", and one of the follow-ups of the question is drawn.
+    It is the follow-up that the line triggers, or else what its mark asks for; both name the line.
+    Of several that were marked as low, one is drawn, first of those that trigger one; where all
+    were defended there is no weak line, "", and one of the follow-ups of the question is drawn.
     """
     if len(marks) != len(item.rubric) or not set(marks) <= set(MARKS):
         raise invalid("marks", list(marks), f"{len(item.rubric)} of {', '.join(MARKS)}")
@@ -324,11 +325,11 @@ def follow_up(item: Item, marks: Sequence[str], seed: int = 0) -> tuple[str, str
     levels = [MARKS.index(mark) for mark in marks]
     if min(levels) == len(MARKS) - 1:
         return "", rng.choice(item.follow_ups)
-    weakest = rng.choice([at for at, level in enumerate(levels) if level == min(levels)])
+    lowest = [at for at, level in enumerate(levels) if level == min(levels)]
+    weakest = rng.choice([at for at in lowest if item.rubric[at] in item.triggers] or lowest)
     line = item.rubric[weakest]
-    if item.paired:
-        return line, item.follow_ups[weakest]
-    return line, f"“{line}” {PUSH[marks[weakest]][not _has_number(line)]}"
+    question = item.triggers.get(line, PUSH[marks[weakest]][not _has_number(line)])
+    return line, f"“{line}” {question}"
 
 
 def _has_number(line: str) -> bool:

@@ -213,7 +213,7 @@ def _question(entry: Entry) -> Sides:
     from course.interview import FOLDER, filled, read
 
     requested = read(FOLDER / f"{entry.name}.md")
-    listened = "\n".join(f"* {line}" for line in requested.rubric)
+    listened = "\n".join(f"* {line}" for line in requested.listened())
     back = filled(f"{requested.minute}\n\nThe interviewer listens for:\n\n{listened}", figure)
     return Sides(f"**{requested.title}** ({requested.minutes} minutes)", back)
 

@@ -487,7 +487,7 @@ class Talk:
         first = "\n".join(f"* {line}" for line in item.clarify)
         after = "\n".join(f"* {line}" for line in item.follow_ups)
         text = f"Questions to ask first:\n\n{first}\n\n" * bool(first) + item.answer
-        text += f"\n\nPossible follow-ups:\n\n{after}" * (not item.paired)
+        text += f"\n\nPossible follow-ups:\n\n{after}"
         return item.fill(text, figure)
 
     def debug(self, item: Item, entry: Entry) -> None:

@@ -69,6 +69,15 @@ def test_a_request_for_code_is_answered_with_code() -> None:
     assert missing == []
 
 
+def test_no_code_is_in_a_language_that_nothing_runs() -> None:
+    """Each fence that opens a block is of one of the two languages that are run."""
+    for name, question in QUESTIONS.items():
+        fences = re.findall(r"^ *(`{3,}|~{3,})(.*)$", f"{question.minute}\n{question.full}", re.M)
+        assert all(fence == "```" for fence, _ in fences), name
+        assert {words for _, words in fences[::2]} <= {"python", "cpp"}, name
+        assert {words for _, words in fences[1::2]} <= {""} and len(fences) % 2 == 0, name
+
+
 def test_every_code_has_its_truth() -> None:
     assert CODE.keys() == TRUTHS.keys()
 

@@ -138,6 +138,12 @@ def test_a_field_is_filled_with_a_figure(tmp_path) -> None:
         ),
         ("probes =", "colour =", "line 7: the head must have title, chapter.*; colour is unknown"),
         ('["And then?"]', '["no_such"]', r"line 8: a follow-up must be a question.*, got no_such"),
+        (
+            '["Something."]',
+            '[{ line = "Something.", follow_up = "chapter" }]',
+            r"one.md, line 9: a follow-up must be a key of \[follow_ups\] \(none.*\), got chapter",
+        ),
+        ('["Something."]', '[{ line = "Something." }]', "line 9: rubric must be texts, or a line"),
         ("level = 1", "level = ", r"line 5: Invalid value \(at line 4"),
         ("sqrt2", "cdot 1.41", r"1.41 must be .*typed"),
         ("Something.", "At 90 percent.", r"90 must be .*typed"),
@@ -158,6 +164,42 @@ def test_a_faulty_question_is_refused(tmp_path, old: str, new: str, text: str) -
 def test_a_follow_up_may_be_another_question(tmp_path) -> None:
     question = _written(tmp_path, HEAD.replace("And then?", "three_terms"))
     assert question.follow_ups == (PLACES["control/three_terms"].title,)
+
+
+KEYED = HEAD.replace('follow_ups = ["And then?"]\n', "").replace(
+    'rubric = ["Something."]\n',
+    """rubric = ["Something.", { line = "The price.", follow_up = "price" }, "More."]
+
+[follow_ups]
+price = "What does it cost?"
+other = "three_terms"
+""",
+)
+
+
+def test_a_line_of_the_rubric_may_name_its_follow_up(tmp_path) -> None:
+    question = _written(tmp_path, KEYED)
+    title = PLACES["control/three_terms"].title
+    assert question.rubric == ("Something.", "The price.", "More.")
+    assert question.follow_ups == ("What does it cost?", title)
+    assert question.triggers == {"The price.": "What does it cost?"}
+    assert _written(tmp_path, HEAD).triggers == {}
+    text = question.markdown(lambda claim, name: 1.0)
+    assert "\n* Something.\n* The price. *Follow-up: What does it cost?*\n* More.\n" in text
+    assert f"\n* What does it cost?\n* {title}\n" in text
+    other = KEYED.replace('follow_up = "price"', 'follow_up = "other"')
+    assert _written(tmp_path, other).triggers == {"The price.": title}
+
+
+def test_a_line_that_names_no_follow_up_of_the_question_is_refused(tmp_path) -> None:
+    expected = (
+        r"one.md, line 8: a follow-up must be a key of \[follow_ups\] \(price, other\), got prise"
+    )
+    with pytest.raises(ValueError, match=expected):
+        _written(tmp_path, KEYED.replace('follow_up = "price"', 'follow_up = "prise"'))
+    expected = r"one.md, line 12: a follow-up must be a question or the name of one, got no_such"
+    with pytest.raises(ValueError, match=expected):
+        _written(tmp_path, KEYED.replace('"three_terms"', '"no_such"'))
 
 
 def test_a_topic_without_questions_is_refused() -> None:

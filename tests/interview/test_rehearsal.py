@@ -18,6 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from course import CHAPTERS
 from course.derivations.records import figure
 from course.interview import designs, rehearsal, scenarios
 from course.interview.rehearsal import MARKS, PARTS, WEIGHT, Item
@@ -104,8 +105,10 @@ def test_the_follow_up_names_the_weakest_line(levels: list[int], seed: int) -> N
 def test_a_number_is_asked_for_where_the_line_has_one() -> None:
     """Of every question, as it is on record: "give a number" comes with a figure or a field."""
     with_number = 0
-    for one in rehearsal.spoken(["rigid_body", "contact", "interview"]):
-        for at, line in enumerate(one.rubric if not one.paired else ()):
+    for one in rehearsal.spoken([chapter.topic for chapter in CHAPTERS]):
+        for at, line in enumerate(one.rubric):
+            if line in one.triggers:
+                continue
             marks = ["named" if i == at else "defended" for i in range(len(one.rubric))]
             weakest, question = rehearsal.follow_up(one, marks)
             assert weakest == line and line in question
@@ -220,6 +223,38 @@ def test_of_lines_that_are_as_weak_not_always_the_first_is_asked_about() -> None
     assert drawn == {"a", "b", "c"}
 
 
+def test_the_weakest_line_is_followed_up_by_the_question_that_it_names() -> None:
+    named = {"a": "Which unit?", "c": "Which test?"}
+    one = item("x", rubric=("a", "b", "c"), triggers=named)
+    for marks, expected in {
+        ("missing", "named", "named"): ("a", "“a” Which unit?"),
+        ("defended", "quantified", "named"): ("c", "“c” Which test?"),
+        # A line that names none is asked about as its mark says.
+        ("defended", "missing", "named"): ("b", f"“b” {rehearsal.PUSH['missing'][0]}"),
+        # Of lines that are as weak, one that names a follow-up comes first.
+        ("quantified", "named", "named"): ("c", "“c” Which test?"),
+    }.items():
+        for seed in range(20):
+            assert rehearsal.follow_up(one, marks, seed) == expected
+    weakest, question = rehearsal.follow_up(one, ["defended"] * 3)
+    assert weakest == "" and question in one.follow_ups
+
+
+def test_every_follow_up_that_a_line_names_is_asked_and_shown() -> None:
+    """Of all questions: at least forty name one, and each is among the possible ones."""
+    topics = [chapter.topic for chapter in CHAPTERS]
+    named = {one.key: one for one in rehearsal.spoken(topics) if one.triggers}
+    assert sum(key.startswith("question/") for key in named) >= 40
+    assert len({one.chapter for one in named.values()}) == len(topics)
+    for key, one in named.items():
+        for at, line in enumerate(one.rubric):
+            if line in one.triggers:
+                marks = ["named" if i == at else "quantified" for i in range(len(one.rubric))]
+                text = one.triggers[line]
+                assert rehearsal.follow_up(one, marks) == (line, f"“{line}” {text}")
+                assert not key.startswith("question/") or text in one.follow_ups
+
+
 def test_scenarios_and_designs_are_asked_as_questions_are() -> None:
     """On the cause that was forgotten one is asked, and a design's words suggest its marks."""
     result = {one.key: one for one in rehearsal.spoken(["rigid_body", "interview"])}
@@ -228,7 +263,9 @@ def test_scenarios_and_designs_are_asked_as_questions_are() -> None:
     for one in (one for key, one in result.items() if key.startswith("scenario/")):
         for i, words in enumerate(one.rubric):
             marks = ["missing" if i == j else "named" for j in range(len(one.rubric))]
-            assert rehearsal.follow_up(one, marks)[1].endswith(words)
+            assert rehearsal.follow_up(one, marks)[1] == (
+                f"“{words}” Which probe distinguishes this cause from the others?"
+            )
     for name in designs.NAMES:
         one = result[f"design/{name}"]
         suggested = [one.aid(text) for text in (designs.read(name).answer, "")]
@@ -617,6 +654,25 @@ def test_a_terminal_asks_for_each_mark(place: Place) -> None:
     options = ["interview", "--kind", "design", "--minutes", "15", "--seed", "7"]
     _, out = in_terminal(place, options, ".\nAn answer.\n.\n", until="mark 0-3:")
     assert out.index("How good was that?") < out.index("mark 0-3:")
+
+
+@pytest.mark.slow
+def test_an_interview_asks_and_reports_the_follow_up_that_the_weakest_line_names(
+    place: Place, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = "question/rigid_body/largest_step"
+    one = rehearse.pool(CHOSEN)[key]
+    at = next(at for at, line in enumerate(one.rubric) if line in one.triggers)
+    marks = ["1" if i == at else "3" for i in range(len(one.rubric))]
+    expected = f"“{one.rubric[at]}” {one.triggers[one.rubric[at]]}"
+    talk = talk_of(place, ["My answer.", ".", *marks, "A reply.", "."], 15, ("concept",), 1)
+    talk.interview.items = [rehearsal.Entry(key, one.part, one.chapter, one.minutes, one.title)]
+    talk.run()
+    entry = talk.interview.items[0]
+    assert (entry.weakest, entry.asked) == (one.rubric[at], expected)
+    shown = " ".join(capsys.readouterr().out.split())
+    page = rehearsal.markdown(talk.interview)
+    assert expected in shown and f"**{expected}**\n\nA reply." in page
 
 
 # --- Ended from outside, a pipe, a terminal -------------------------------------------------------
