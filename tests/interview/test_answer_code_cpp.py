@@ -1,7 +1,7 @@
 """The C++ in the answers: compiled as it stands, and run under the sanitizers.
 
-Threads run under the thread sanitizer, everything else under those for addresses and undefined
-behaviour. Each driver returns 0, or the number of the check that failed.
+Threads run under the thread sanitizer, everything else under that for undefined behaviour, with
+that for addresses where it can be. Each driver returns 0, or the number of the check that failed.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ template <class C> bool counts(C& c, long n) {
 int main() {
     static Together together[3];
     static Apart apart[3];
-    static_assert(sizeof(Together) == APART && sizeof(Apart) == 2 * APART);
+    if (sizeof(Together) != APART || sizeof(Apart) != 2 * APART) return 3;
 #ifdef _SC_LEVEL1_DCACHE_LINESIZE
     const long told = sysconf(_SC_LEVEL1_DCACHE_LINESIZE);
 #else
@@ -128,7 +128,8 @@ int main() {
     return counts(together[1], 20000) && counts(apart[1], 20000) ? 0 : 2;
 }
 """
-# A vector shows by its capacity when it allocates; the counter has to agree with it.
+# A vector shows by its capacity when it allocates; the counter has to agree with it. The sanitizer
+# for addresses replaces the function for arrays, which then no longer calls the answer's.
 COUNTED = """
 #include <memory>
 #include <string>
@@ -154,10 +155,8 @@ int main() {
     if (allocations_in([&] { text = longer; }, 5) != 1) return 4;
     // Another thread's allocations are not this loop's.
     std::vector<int> other;
-    std::thread thread;
-    const long own = allocations_in([&] { thread = std::thread([&] { other.resize(99); }); }, 1);
-    thread.join();
-    return own == allocations_in([&] { thread = std::thread([] {}); thread.join(); }, 1) ? 0 : 5;
+    const long own = allocations_in([&] { std::thread([&] { other.resize(99); }).join(); }, 1);
+    return own == allocations_in([] { std::thread([] {}).join(); }, 1) ? 0 : 5;
 }
 """
 # Whether the deleter counts depends only on who is last.
@@ -314,7 +313,7 @@ DRIVERS = {
     "middleware/false_sharing": Driver(
         LINES, "    alignas(APART) std::atomic<long> second", "    std::atomic<long> second"
     ),
-    "middleware/forbidden_in_the_loop": Driver(COUNTED, "thread_local", "static", MEMORY),
+    "middleware/forbidden_in_the_loop": Driver(COUNTED, "thread_local", "static", "undefined"),
     "middleware/who_frees_it": Driver(WATCHED, "== control", "!= control"),
     "middleware/device_handle": Driver(OWNED, "std::exchange(other.fd, -1)", "other.fd", MEMORY),
     "middleware/pool_of_buffers": Driver(LENT, "[--left]", "[left - 1]", MEMORY),
