@@ -31,7 +31,8 @@ _NAME = (
 )
 _BESIDE = re.compile(
     rf"(?P<before></mi>|</mn>|</msub>|</msup>|</mfrac>)(?=(?:{_NAME}))"
-    rf"|(?P<name>{_NAME})(?=<m(?:i|n|sub|sup|frac|over|sqrt)\b)"
+    # A name that has an exponent is spaced behind the exponent, never within.
+    rf"|(?<!<msup>)(?<!<msub>)(?P<name>{_NAME})(?=<m(?:i|n|sub|sup|frac|over|sqrt)\b)"
 )
 _THIN = '<mspace width="0.167em"/>'
 # What is no text: code, comments, tags. Then a formula of its own line, and one in a line.
@@ -66,6 +67,10 @@ def mathml(tex: str, block: bool = False) -> str:
         raise invalid(
             "formula", tex, f"what latex2mathml reads ({type(problem).__name__})"
         ) from None
+    # A frame is not part of what browsers draw of MathML; a border is.
+    made = made.replace('<menclose notation="box">', '<mrow class="boxed">')
+    made = made.replace("</menclose>", "</mrow>")
+    made = _BESIDE.sub(lambda match: match[0] + _THIN, made)
     # Check the result too: the converter passes what it does not know into the text.
     for element in ElementTree.fromstring(made).iter():
         name, text = element.tag.rpartition("}")[2], element.text or ""
@@ -73,10 +78,6 @@ def mathml(tex: str, block: bool = False) -> str:
             raise invalid("formula", tex, f"LaTeX that latex2mathml knows, without {text}")
         if len(element) != _PARTS.get(name, len(element)):
             raise invalid("formula", tex, f"one that is whole (its {name} lacks a part)")
-    # A frame is not part of what browsers draw of MathML; a border is.
-    made = made.replace('<menclose notation="box">', '<mrow class="boxed">')
-    made = made.replace("</menclose>", "</mrow>")
-    made = _BESIDE.sub(lambda match: match[0] + _THIN, made)
     # The LaTeX stays as alternative text, for screen readers and for copying.
     message = html.escape(" ".join(tex.split()))
     return made.replace("<math ", f'<math alttext="{message}" ', 1)

@@ -3,13 +3,14 @@
 #
 # ![A box that tumbles, bounces and loses energy: the simulation of chapter 1](../docs/film.png)
 #
-# Build a robot simulator, and the software of the robot that runs in it. You can move everything you see.
+# Build a robot simulator, and the software of the robot that runs in it. The film shows the simulation of
+# chapter 1; just below is one that you can move yourself.
 #
 # <div class="course-doors">
 #
 # [**Learn the subject**](00_role.ipynb) from chapter 0 on
 #
-# [**Practise**](../drills/README.md) for an interview: graded drills, mock interviews
+# [**Practise**](../drills/README.md) with graded drills and mock interviews
 #
 # [**Use the code**](../docs/howto/modules.md) of a chapter in your project
 #

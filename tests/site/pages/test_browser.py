@@ -316,6 +316,14 @@ PIXELS = """() => {
 }"""
 
 
+# Where the words of the first such element begin [CSS pixels].
+TEXT_STARTS = """all => all.map(name => {
+  const words = document.createRange();
+  words.selectNodeContents(document.querySelector(`article ${name}`));
+  return words.getBoundingClientRect().left;
+})"""
+
+
 @pytest.mark.parametrize("wide", [390, 1440])
 def test_the_home_page_moves_at_once_and_is_dragged(
     browser: "Browser", addresses: list[str], capsys: pytest.CaptureFixture[str], wide: int
@@ -326,6 +334,8 @@ def test_the_home_page_moves_at_once_and_is_dragged(
         canvas = page.locator(".course-live[data-ready] canvas[data-frame]")
         canvas.wait_for()
         assert canvas.bounding_box()["y"] < 850, "it begins on the first screen"
+        left = page.evaluate(TEXT_STARTS, ["h1", "#move-something h2", "#move-something > p"])
+        assert max(left) - min(left) < 1.0, "headings begin where the text does"
         first = page.evaluate(PIXELS)
         page.wait_for_function(f"first => ({PIXELS})() !== first", arg=first)
         moved = time.monotonic() - start
