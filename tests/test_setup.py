@@ -115,7 +115,12 @@ def test_a_second_set_up_does_nothing(tree: Tree) -> None:
     second = tree.make("setup")
     assert second.returncode == 0
     assert "up to date" in second.stdout
-    assert tree.installs == 1
+    # The packages of the course, and what builds the site.
+    installed = (tree.folder / "installs").read_text().splitlines()
+    assert [line.partition("-e ")[2] for line in installed] == [
+        ".[learning,oracles,lab,test]",
+        ".[site]",
+    ]
     # Without PYTHON= the .venv that is there is used, whatever `python3` is.
     assert "up to date" in tree.make("setup", python=None).stdout
 
@@ -140,7 +145,7 @@ def test_a_failed_install_is_not_trusted(tree: Tree) -> None:
     assert again.returncode == 0
     assert "making .venv: the last install did not finish" in again.stdout
     assert not (tree.folder / ".venv" / "left-over").exists()
-    assert tree.installs == 2
+    assert tree.installs == 3  # the one that failed, and two
 
 
 DURATION = r"(?:\d+ min )?\d+ s"
@@ -149,7 +154,8 @@ DURATION = r"(?:\d+ min )?\d+ s"
 def test_a_step_is_a_line_with_its_duration_and_the_first_reports_what_it_costs(tree: Tree) -> None:
     first = tree.make("setup")
     assert first.stderr == ""
-    _, sizes, made, installing, installed, checked, ready, compiling = first.stdout.splitlines()
+    lines = first.stdout.splitlines()
+    _, sizes, made, installing, installed, checked, ready, adding, added, compiling = lines
     announced = r"about \d+ packages: about [\d.]+ GB to download, [\d.]+ GB on disk"
     assert re.match(announced, sizes)
     assert re.fullmatch(f"made .venv in {DURATION}", made)
@@ -157,6 +163,8 @@ def test_a_step_is_a_line_with_its_duration_and_the_first_reports_what_it_costs(
     assert re.fullmatch(f"installed 2 packages in {DURATION}", installed)
     assert re.fullmatch(f"checked the packages in {DURATION}", checked)
     assert re.fullmatch(f".venv is ready after {DURATION}", ready)
+    assert adding == "adding what builds the site to .venv; build/setup.log has the details"
+    assert re.fullmatch(f"installed 2 packages in {DURATION}", added)
     assert compiling.startswith("compiling the hot loops of the chapters")
     assert (tree.folder / "runs").read_text().splitlines()[-1] == "-m tools.warm"
     assert "a hundred lines more" in (tree.folder / "build" / "setup.log").read_text()
@@ -182,7 +190,7 @@ def test_a_terminal_shows_the_progress_of_pip_and_the_log_has_it_too(tree: Tree)
     assert any(re.fullmatch(f"installed 2 packages in {DURATION}", line) for line in screen)
     # Without what pip logs about every file of an index.
     log = (tree.folder / "build" / "setup.log").read_text().splitlines()
-    assert log == ["0 Using pip", "Successfully installed numpy-2.0 scipy-1.15"]
+    assert log == ["0 Using pip", "Successfully installed numpy-2.0 scipy-1.15"] * 2
     assert [path.name for path in (tree.folder / "build").iterdir()] == ["setup.log"]
     code, screen = tree.make_in_a_terminal("platforms")
     assert code == 0 and "a progress bar" in screen
@@ -204,14 +212,14 @@ def test_a_missing_library_of_the_system_stops_the_set_up_but_not_the_installati
     again = tree.make("setup")
     assert again.returncode == 0
     assert again.stdout.startswith("checking .venv again")
-    assert tree.installs == 1 and tree.stamp.exists()
+    assert tree.installs == 2 and tree.stamp.exists()  # the packages, and what builds the site
     assert "up to date" in tree.make("setup").stdout
     (tree.folder / "constraints.txt").write_text("numpy==2.1\n")
     assert tree.make("setup", FAKE_LIBRARY="1").returncode != 0
     assert "checking .venv again" in tree.make("setup", FAKE_LIBRARY="1").stdout
     (tree.folder / "constraints.txt").write_text("numpy==2.2\n")
     assert "updating .venv" in tree.make("setup").stdout
-    assert tree.installs == 3
+    assert tree.installs == 5  # the packages twice more, and what builds the site once more
 
 
 def test_lab_compiles_in_the_background_and_then_opens(tree: Tree) -> None:
