@@ -589,9 +589,9 @@ def damping_makes_things_stick(result):
 @claim(
     "The penalty force is F = k d n + b v_rel.",
     "With a plus sign the damper drives the bodies apart: at a damping ratio of {zeta:.1f} a ball "
-    "leaves such a contact with {gain:.2f} times its speed. The damper must act against v_rel, "
-    "the velocity of the pushed body minus that of the other one, along the normal: k d n - b "
-    "(v_rel . n) n, clipped at zero.",
+    "leaves such a contact, clipped at zero too, with {gain:.2f} times its speed. The damper must "
+    "act against v_rel, the velocity of the pushed body minus that of the other one, along "
+    "the normal: k d n - b (v_rel . n) n, clipped at zero.",
 )
 def penalty_law_has_a_plus(result):
     zeta = result.input("zeta", 0.1)

@@ -471,7 +471,7 @@ def coal_is_the_truth(result):
     "{wall_mm:.0f} mm, that is the way back up to a depth of {middle_mm:.1f} mm, the radius plus "
     "half the wall. Beyond that, EPA pushes the ball out on the far side. And EPA gives one "
     "point. Where faces meet, the contact is a polygon, with {corners:.0f} corners for a cube on a "
-    "cube.",
+    "cube with parallel edges.",
 )
 def epa_gives_the_contact(result):
     from course import contact

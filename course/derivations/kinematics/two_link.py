@@ -31,9 +31,10 @@ def _ring(rng: np.random.Generator, lengths: Floats, count: int, low: float = 0,
 @claim(
     "The pose of the tip is a product of one transform per joint, in order from base to tip.",
     "A fixed transform of the tool may follow, and only the joints on the path count. The order "
-    "matters: multiplied the other way round, the tip of a random arm of {joints:g} joints lies "
-    "{reversed_m:.1f} m away in the median. The transforms may be "
-    "matrices or, as in this course, positions with quaternions; both agree to rounding.",
+    "matters: multiplied the other way round, the tip of a random arm of {joints:g} joints, "
+    "about half a metre from each to the next, lies {reversed_m:.1f} m away in the median. The "
+    "transforms may be matrices or, as in this course, positions with quaternions; both agree to "
+    "rounding.",
     source="Denavit and Hartenberg, A kinematic notation for lower-pair mechanisms (1955)",
 )
 def fk_is_a_product(result):

@@ -32,10 +32,10 @@ def compiled(joint, more="", links=1):
 
 @claim(
     "The hello world ran and printed angles, so the arm moves as an arm does.",
-    "Two links without damping wound up under constant torques: a joint got {turns:.1f} turns "
-    "from its start within {seconds:.0f} s, and half the step put it {apart:.0f} degrees "
-    "elsewhere. With a damping of {damping:.1f} N m s/rad and limits it got {calm:.2f} turns, and "
-    "{near:.2f} degrees.",
+    "Two links without damping, let go upright under gravity, wound up under constant torques: a "
+    "joint got {turns:.1f} turns from its start within {seconds:.0f} s, and half the step put it "
+    "{apart:.0f} degrees elsewhere. With a damping of {damping:.1f} N m s/rad and limits the arm "
+    "fell onto a stop at {calm:.2f} turns, and half the step put it {near:.2f} degrees elsewhere.",
 )
 def hello_world_winds(result):
     import mujoco
