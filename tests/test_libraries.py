@@ -23,6 +23,7 @@ from course.oracles import (
     pybullet,
     sb3,
     small_gicp,
+    vamp,
     zenoh,
 )
 from course.oracles.mujoco import kit
@@ -48,6 +49,7 @@ ADAPTERS = {
     "small_gicp": small_gicp.library,
     "stable_baselines3": lambda: sb3.vec_env(None),
     "torch": libraries.pytorch,
+    "vamp": vamp.library,
     "zenoh": zenoh.library,
 }
 

@@ -51,6 +51,7 @@ STATEMENTS = {
     "small-gicp": "import small_gicp",
     "stable-baselines3": "import stable_baselines3",
     "mujoco": "import mujoco, mujoco.sysid",
+    "vamp-planner": "import vamp",
     "myst-nb": "import myst_nb",
 }
 

@@ -35,6 +35,7 @@ from course.planning.capsules import (
     KIND,
     PAIR,
     RADIUS,
+    REACH,
     THICK,
     TO,
     TURN,
@@ -45,9 +46,10 @@ from course.planning.worlds import World
 
 Array = NDArray[np.float64]
 LANES = 32  # configurations in a batch: four registers of 256 bits in single precision
-# Columns of a sphere's row: how many spheres cover its link, and the spacing of points along an
-# edge [rad].
-GROUP, SPACING = WIDTH - 2, WIDTH - 1
+# Columns of a sphere's row: how many spheres its group has, centre and radius of a ball around all
+# of them (in the place of the reach, which no check of a state reads), and the spacing of points
+# along an edge [rad].
+AROUND, GROUP, SPACING = REACH, WIDTH - 2, WIDTH - 1
 
 
 def spheres_over(
@@ -68,15 +70,18 @@ def spheres_over(
     for frame, a, b, radius in reversed(list(capsules)):
         a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
         length = float(np.linalg.norm(b - a))
+        if length == 0.0:
+            result.append((frame, a, a, radius))
+            continue
         # The largest spacing with which the spheres are no larger than allowed.
         reach = 2.0 * radius * math.sqrt((1.0 + swell) ** 2 - 1.0)
-        pieces = max(1, math.ceil(length / reach))
+        pieces = math.ceil(length / reach)
         h = length / pieces
         fat = math.sqrt(radius**2 + 0.25 * h**2)
         for k in range(pieces + 1):
             centre = a + (b - a) * k / pieces
             # The two outer spheres reach over the capsule's ends by themselves.
-            result.append((frame, centre, centre, radius if length == 0.0 else fat))
+            result.append((frame, centre, centre, fat))
     return result
 
 
@@ -184,11 +189,9 @@ def _batch_free(obstacles, body, n, pose, work):
     i = n + 1
     while i < body.shape[0]:
         last = i + int(body[i, GROUP]) - 1
-        at, first, end = pose[int(body[i, FRAME])], body[i, FROM : FROM + 3], body[last, FROM:TO]
-        # One sphere around all of a link's spheres first: mostly it is free.
-        u, v, s = 0.5 * (first[0] + end[0]), 0.5 * (first[1] + end[1]), 0.5 * (first[2] + end[2])
-        far = math.sqrt((end[0] - u) ** 2 + (end[1] - v) ** 2 + (end[2] - s) ** 2)
-        if _left_over(obstacles, at, u, v, s, far + body[i, THICK], work) <= 0.0:
+        at, ball = pose[int(body[i, FRAME])], body[i, AROUND : AROUND + 4]
+        # One ball around all spheres of the group first: mostly it is free.
+        if _left_over(obstacles, at, ball[0], ball[1], ball[2], ball[3], work) <= 0.0:
             for k in range(i, last + 1):
                 spot = body[k, FROM:TO]
                 if _left_over(obstacles, at, spot[0], spot[1], spot[2], body[k, THICK], work) <= 0:
@@ -242,6 +245,23 @@ def points_of(a: Array, b: Array, spacing: float) -> Array:
     return np.asarray(a[:, None] + (b - a)[:, None] * np.array(shares))
 
 
+def _groups(capsules: Sequence[tuple[int, Any, Any, float]], swell: float) -> list[int]:
+    """Return how many of `spheres_over` belong to each group, in their order.
+
+    The spheres of a capsule are a group, and so are spheres on one frame that follow each other.
+    """
+    result, before = [], -1
+    for capsule in reversed(capsules):
+        frame, a, b, _ = capsule
+        single = np.array_equal(a, b)
+        if single and frame == before:
+            result[-1] += 1
+        else:
+            result.append(len(spheres_over([capsule], swell)))
+        before = frame if single else -1
+    return result
+
+
 def in_batches(world: World, spacing: float = 0.05, swell: float = 0.1) -> World:
     """Return a world of `capsule_arm` with the arm as spheres and its edges checked in batches.
 
@@ -264,13 +284,16 @@ def in_batches(world: World, spacing: float = 0.05, swell: float = 0.1) -> World
     if np.any(rows[:, FRAME] == PAIR):
         raise invalid("world", "a world with pairs of capsules", "one without self-collision")
     capsules = [(int(r[FRAME]), r[FROM : FROM + 3], r[FROM + 3 : FROM + 6], r[THICK]) for r in rows]
-    spheres, first = spheres_over(capsules, swell), n + 1
-    body = capsule_arm([], None, spheres).body
-    body[first:, SPACING] = spacing
-    for capsule in reversed(capsules):
-        number = len(spheres_over([capsule], swell))
-        body[first : first + number, GROUP] = number
-        first += number
+    body = capsule_arm([], None, spheres_over(capsules, swell)).body
+    body[n + 1 :, SPACING] = spacing
+    first = n + 1
+    for size in _groups(capsules, swell):
+        these = body[first : first + size]
+        centre = 0.5 * (these[:, FROM:TO].min(axis=0) + these[:, FROM:TO].max(axis=0))
+        away = np.linalg.norm(these[:, FROM:TO] - centre, axis=1) + these[:, THICK]
+        body[first, AROUND : AROUND + 4] = *centre, away.max()
+        body[first, GROUP] = size
+        first += size
     return replace(world, body=body, edge_free=_raked)
 
 

@@ -94,6 +94,7 @@ def core() -> None:
         pybullet,
         sb3,
         small_gicp,
+        vamp,
         zenoh,
     )
     from course.oracles.mujoco import sysid
@@ -102,7 +103,7 @@ def core() -> None:
         "torch": libraries.pytorch,
         "pin": pinocchio._pinocchio, "coal": coal._coal, "ompl": ompl._ompl,
         "open3d": open3d.library, "opencv": opencv.library,
-        "small_gicp": small_gicp.library, "cyclonedds": cyclonedds.library,
+        "small_gicp": small_gicp.library, "vamp": vamp.library, "cyclonedds": cyclonedds.library,
         "zenoh": zenoh.library, "drake": drake.library, "pybullet": pybullet.library,
         "mink": mink.library, "pink": pink.library, "sb3": lambda: sb3.vec_env(None), "sysid": sysid.toolbox,
     }

@@ -219,7 +219,7 @@ def test_the_notebooks_are_copied_without_the_pictures_that_are_not_there(
         ("coal", "oracles"), ("ompl", "oracles"), ("open3d", "oracles"),
         ("small_gicp", "oracles"), ("cyclonedds", "oracles"), ("zenoh", "oracles"), ("sysid", "oracles"),
         ("drake", "platforms"), ("pybullet", "platforms"), ("sb3", "sb3"),
-        ("mink", "ik"), ("pink", "ik"), ("opencv", "vision"),
+        ("mink", "ik"), ("pink", "ik"), ("opencv", "vision"), ("vamp", "simd"),
     ],
 )
 def test_one_sentence_says_what_an_extra_adds(installed: dict[str, Any], name: str, extra: str) -> None:

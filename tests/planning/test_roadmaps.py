@@ -270,7 +270,9 @@ def test_the_ladder_of_the_five_second_question() -> None:
     (panel,) = charts.build("shelf_ladder", **sizes)
     for place in ("still", "moved"):
         middle = panel[f"median, {place}"].y
-        assert np.isfinite(middle[[1, 4, 5, 6]]).all()
+        assert np.isfinite(middle[[1, 5, 6, 7]]).all()
         assert (panel[f"slowest, {place}"].y >= middle).all()
-    proved = [note for note in panel.notes[2:] if not note.startswith(("RRT in", "compiled"))]
+    proved = [note for note in panel.notes[2:] if "collide" in note]
+    proved = [note for note in proved if not note.startswith(("RRT in", "compiled", "in batches"))]
+    proved = [note for note in proved if not note.startswith("both, in batches")]
     assert len(proved) == 16 and all(" 0 collide" in note for note in proved)
