@@ -150,10 +150,11 @@ def classical_or_learned() -> Table:
 
 
 def _numbered(place: str) -> str:
-    """Return "contact: Defaults" with the number of the chapter instead of its short name."""
+    """Return "contact: 9 · Frontier" as "chapter 2, section 9 · Frontier"."""
     topic, heading = place.split(": ", 1)
     (number,) = (chapter.number for chapter in CHAPTERS if chapter.topic == topic)
-    return f"{number}: {heading}"
+    section = "section " if heading[0].isdecimal() else ""
+    return f"chapter {number}, {section}{heading}"
 
 
 def reading() -> Table:
@@ -167,7 +168,7 @@ def reading() -> Table:
             serves = "; ".join(_numbered(place) for place in entry["serves"])
             found = f"github.com/{entry['name']}" if kind == "repository" else link(entry["work"])
             rows.append((cited, found, entry["says"], serves))
-    return Table("Reading", ("What", "Link", "It says", "Chapter: section here"), tuple(rows))
+    return Table("Reading", ("What", "Link", "It says", "Where in this course"), tuple(rows))
 
 
 def not_taught() -> Table:

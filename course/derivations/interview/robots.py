@@ -24,7 +24,7 @@ SYMBOLS = {
 
 
 @claim(
-    "A simulated accelerometer returns the acceleration of its body, plus noise.",
+    "A correct model of an accelerometer returns the acceleration of its body, plus noise.",
     "It returns the specific force: acceleration minus gravity, in the axes of the sensor. At rest "
     "MuJoCo's accelerometer reads {rest:.2f} m/s^2 upward, in free fall zero. If you integrate the "
     "reading twice to get the position, a constant bias b causes the error {formula}: "
@@ -379,14 +379,15 @@ def error_by_its_shape(result):
 
 
 @claim(
-    "If each joint angle of a planar arm is measured against the previous link, the sum of all "
-    "angles up to a link is the direction of this link, measured against the ground.",
+    "If each joint angle of a planar arm is measured against the previous link, and the first "
+    "against the horizontal, the sum of all angles up to a link is its direction, measured against "
+    "the horizontal.",
     "The tip of three links is at the height {formula}, and a product of transforms agrees to "
-    "{digits:.0f} digits. If the angles are absolute, measured against the ground, sum the link "
-    "vectors, but not the angles.",
+    "{digits:.0f} digits. If the angles are absolute, measured against the horizontal, sum the "
+    "link vectors, but not the angles.",
     ask=(
-        "A planar arm has three links, and each angle is measured against the link before. What is "
-        "the height of the tip?",
+        "A planar arm has three links. The first angle is measured against the horizontal, each "
+        "other one against the link before. What is the height of the tip?",
         "L1*sin(q1) + L2*sin(q1 + q2) + L3*sin(q1 + q2 + q3)",
         {
             "L1*sin(q1) + L2*sin(q2) + L3*sin(q3)": "Here the angles are absolute.",

@@ -203,9 +203,10 @@ def hooke(cause: str, seed: int) -> float:
 SCENARIO = Scenario(
     name="explodes",
     title="It explodes after about a thousand steps",
-    prompt="A slide, which is a small carriage, moves on a rail between two elastic stops. A weak "
-    "drive pulls it to the middle. The slide starts at rest, a little off the middle, and a brake "
-    "and friction should damp its motion. Instead the motion grows, and after about a "
+    prompt="A slide, which is a small carriage, moves on a rail between two elastic stops without "
+    "play: off the middle, one of them pushes it back. A weak drive also pulls it to the middle. "
+    "The slide starts at rest, a little off the middle. Friction and a brake, whose force grows "
+    "with the speed, should damp its motion. Instead the motion grows, and after about a "
     "thousand steps the slide is lost: it has left its range. Some probes change one thing "
     "and return the time ratio: the simulated time until the slide is lost, divided by this "
     "time without the change. Each of these probes stops its run after about three times the "
@@ -234,7 +235,7 @@ SCENARIO = Scenario(
         Cause(
             "late_brake",
             "The brake receives the velocity with a delay of more than a quarter of an "
-            "oscillation, so it pushes where it should pull.",
+            "oscillation, so its force mostly points along the motion.",
             "fresh_speed",
         ),
         Cause(
@@ -372,7 +373,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "push_by_hand",
-            "force at a fixed depth, divided by the force that the specified stop has there",
+            "force at a fixed depth, divided by the force that the specified stop would have there",
             "",
             8,
             hooke,

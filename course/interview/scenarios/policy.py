@@ -259,7 +259,7 @@ SCENARIO = Scenario(
     "it. On the real robot it presses and holds fewer than half of them. You can read the "
     "program, but not the parameters of the robot; you can only run the probes below. Each result "
     "is shown next to that on the model. "
-    "Which parameter of the robot differs from the model, and what do you change?",
+    "What differs between the robot with its program and the training, and what do you change?",
     symptom_words="fraction of keys pressed and held",
     unit="",
     symptom=symptom,

@@ -213,7 +213,7 @@ SCENARIO = Scenario(
     "the grasp point by more than two centimetres in every attempt. You can read the program, but "
     "not the parameters of the stage, which are on the robot; you can only run the probes below. "
     "What is the cause, and what do you change?",
-    symptom_words="distance from the grasp point",
+    symptom_words="error of the estimated grasp point",
     unit="mm",
     symptom=symptom,
     spread=0.2,
@@ -262,7 +262,7 @@ SCENARIO = Scenario(
         Probe("read_residual", "residual (remaining error) of the fit", "mm", 1, residual, 0.8),
         Probe(
             "hold_still",
-            "distance from the grasp point with the hand at rest",
+            "error of the estimated grasp point with the hand at rest",
             "mm",
             3,
             after(still, 4),
@@ -270,7 +270,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "look_closer",
-            "distance from the grasp point with the camera at half the distance from the box",
+            "error of the estimated grasp point with the camera at half the distance from the box",
             "mm",
             4,
             after(closer, 5),
@@ -278,7 +278,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "look_straight",
-            "distance from the grasp point with the box in the centre of the image",
+            "error of the estimated grasp point with the box in the centre of the image",
             "mm",
             4,
             after(centred, 6),

@@ -226,8 +226,8 @@ SCENARIO = Scenario(
     prompt="The tip of an arm comes down on a steel plate and should press on it with ten "
     "newtons. In free motion it is steady. As soon as it touches the plate, it starts to hammer "
     "and does not stop. The loop commands the desired force, plus a gain times the force error, "
-    "plus an integral of this error, minus a brake in proportion to the velocity. "
-    "Some probes change one thing and return the oscillation ratio: the size of "
+    "plus an integral of this error, minus a damping force (the brake) in proportion to the "
+    "velocity. Some probes change one thing and return the oscillation ratio: the size of "
     "the oscillation of the force with the change, divided by the size without it. You can read "
     "the program, but not the parameters of the arm, which are on its controller; you can only "
     "run the probes below. What is the cause, and what do you change?",
