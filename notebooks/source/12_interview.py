@@ -12,12 +12,11 @@ from course.simulations import simulation
 simulation("interview")
 
 # %% [markdown]
-# Answer this question aloud while the thin bar shrinks. Then click *Reveal*, compare, and rate yourself. The curve
-# predicts how likely you still know the answer. When it is near 90 %, the question comes back.
+# Answer this question aloud while the thin bar shrinks. Then click *Reveal*, compare, and rate yourself. When your
+# predicted chance to recall it (the curve) is near 90 %, the question comes back.
 #
-# A **policy** is the part of a robot's program that chooses actions. A **gate** is a limit: the policy may go from
-# the simulator to the robot only if a test shows that its true success rate is above this limit. First judge a simpler
-# rule, which compares the number of successes with the gate itself:
+# A **policy** is the part of a robot's program that chooses actions. It may go from the simulator to the robot only if
+# a test shows that its true success rate is above a limit, the **gate**. First judge a simpler rule:
 
 # %%
 predict("hundred_runs")
@@ -80,14 +79,13 @@ plt.show()
 # %% [markdown]
 # The measured numbers in the model answers come from this course, and `python -m course.derivations 12` computes those
 # of this chapter again. Inputs such as masses, speeds and reaction times are assumptions. The four stories in section 9
-# (the answers to "Tell me about ..." and "Describe a problem ...") are invented: replace them with your own. In a
+# ("Tell me about ..." and "Describe a problem ...") are invented: replace them with your own. In a
 # terminal:
 #
 # | Command | What it does |
 # |---|---|
-# | `drills review` | shows the flashcards that are due today and schedules the next review of each |
-# | `drills interview --minutes 45` | runs a mock interview of 45 minutes with concepts, coding, debugging and one design, then writes a report |
-# | `drills start rrt` | starts a coding exercise, here the planner RRT |
+# | `drills review` | shows the flashcards that are due today |
+# | `drills interview --minutes 45` | runs a mock interview with shortened rounds, then writes a report |
 # | `drills debug explodes` | lets you experiment on the faulty program `explodes`, one of six |
 #
 # Section 8 has these exercises:
@@ -104,11 +102,10 @@ badges(12)
 # thirty seconds. It says what the thing is, and gives one equation and a measured number. It ends with the limit: the
 # point where the method stops working.
 #
-# The table has eight subjects from eight chapters, each with an equation to write while you speak. Speak about each for
+# The table has eight subjects from eight chapters, with an equation to write while you speak. Speak about each for
 # thirty seconds, then open its text below the table: it has the words, a measurement and the limit. The measurement is
-# how long our method and an established library take for one task, on one machine. Where ours is made for this task or
-# compiled, and the library is general or called from Python, say that, too. The papers are about the subject, not
-# always about the equation.
+# how long our method and an established library take for one task, on one machine. Such a pair is often unequal
+# (special against general, compiled against Python): say that, too.
 
 # %% tags=["hide-code"]
 sheet = tables.cheat_sheet()
@@ -133,8 +130,8 @@ Markdown("\n\n".join([overview.markdown(), *texts]))
 # ### How good is a policy that passed a test?
 #
 # A *trial* is one run of the policy. Suppose that each trial succeeds with the same probability $p$, the **true success
-# rate**, and that no trial affects another. Here the trials run in the simulator, so $p$ is the rate there. How much
-# lower it is on the robot, no number of simulated trials can tell.
+# rate**, and that no trial affects another. Here $p$ is the rate in the simulator: how much lower it is on the
+# robot, no number of simulated trials can tell.
 #
 # The *observed rate* is the number of successes divided by the number of trials $n$. It scatters around $p$ (by the
 # binomial distribution), with the standard deviation
@@ -320,7 +317,8 @@ show("hold_is_half_a_sample")
 #
 # The rule is for slow motions. We computed it for a rigid joint with friction proportional to its speed. With six
 # samples per period of the motion, the delay is still half a sample, to within about one degree of phase (a period is
-# 360 degrees). But half a sample of six is 30 degrees of phase, which is much for a feedback loop.
+# 360 degrees). With only two, the phase can be off by far more. And half a sample of six is 30 degrees of phase, which
+# is much for a feedback loop.
 
 # %%
 more_claims("stiff_is_position")
@@ -413,8 +411,8 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 #
 # A **random error** differs from pick to pick. Its mean is zero, and you know only its standard deviation $\sigma_i$.
 # The sum of independent random errors has the standard deviation $\sqrt{\sum\sigma_i^2}$. If this sum is normally
-# distributed, it is within twice this value in about 95 % of the picks. So the estimate adds twice this value to the
-# systematic error.
+# distributed, it is within twice this value in about 95 % of the picks. The estimate adds twice this value to the
+# systematic error, so at least about 95 % of the picks are no farther off.
 #
 # The *hand-eye error* (in the angle between camera and arm) is the same in each pick of one robot. This robot is not
 # built yet, so we treat it as random: the 95 % are a share of the picks of many such robots, and one with a large
@@ -548,8 +546,8 @@ plt.show()
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Say every input of an estimate aloud, and the formula: an interviewer can correct an input that you
-# stated. The number may come first if the inputs follow at once.
+# **Key insight.** Say every input of an estimate aloud: an interviewer can correct an input that you stated. The number
+# may come first if the inputs follow at once.
 #
 # </div>
 #
@@ -561,7 +559,7 @@ plt.show()
 # | Minutes | What you do |
 # |---:|---|
 # | 5 | Ask. A **clarifying question** is one whose answer changes the design: how many picks per hour, what does a failed pick cost, do the parts change, who else is in the cell? |
-# | 5 | Estimate. The cycle time, the accuracy at the fingertip, the gripping force: a minute or two each, as in section 2. |
+# | 5 | Estimate. The cycle time, the accuracy at the fingertip, the gripping force, as in section 2. |
 # | 20 | Draw boxes and arrows. On each arrow, write what flows, its rate if it is periodic, and the time that the box before the arrow takes. |
 # | 10 | Explain in detail the one box that decides about success, and say when you would choose something else. |
 # | 5 | Say how you would find out that the design is wrong: what you measure, and which number stops the release. |
@@ -620,7 +618,7 @@ print(f'missing, for example: "{designs.weakest(fleet, result).asks}"')
 # * **Domain randomisation**, training on random variants of a model. The usual mistake is to change the mass of a body,
 #   but not its inertia.
 #
-# Section 9 has code and a list of tests for each.
+# Start one with, for example, `drills start rrt`. Section 9 has code and a list of tests for each.
 #
 # So that you still know the answers on the day of the interview, review them with flashcards. This panel shows the
 # cards of chapter 12 that are due today:
@@ -958,7 +956,7 @@ predict("learned_or_not")
 # With the normal noise, the network and four fixed starts were both right in all of a hundred images (Wilson's interval
 # begins at 96 %). With more noise, both were less often right, again about equally often. The network only saved time,
 # because ICP ran once instead of four times. The four starts need no training. They could also run on four cores, or
-# stop at the first pose that passes a check; we did not measure that.
+# stop at the first pose that passes a check; we did not measure that. So take the network only if this time matters.
 #
 # The right panel asks how you notice that a pose from the network is wrong. Its horizontal axis is the angle between
 # the estimated rotation and the true one. Its vertical axis is the *see-through share*: the share of the estimated
