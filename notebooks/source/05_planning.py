@@ -463,9 +463,9 @@ plt.show()
 # problem is solved with a single sample. With only one edge per tree and sample, the trees would need at least six
 # samples, since each brings them at most 2 m closer.
 #
-# A **narrow passage** is a part of the free space that every path has to cross and that random samples rarely hit. If a
-# passage is as hard to enter from one side as from the other, the second tree helps less: both trees have to find it by
-# chance.
+# A **narrow passage** is a small part of the free space that connects two larger parts and that random samples rarely
+# hit. If a passage is as hard to enter from one side as from the other, the second tree helps less: both trees have to
+# find it by chance.
 
 # %%
 predict("both_ends_of_a_slit")
@@ -474,8 +474,8 @@ predict("both_ends_of_a_slit")
 simulation("growing", "Narrow gap")
 
 # %% [markdown]
-# Try several seeds and both planners. The number of samples varies enormously from seed to seed, so comparing two
-# single runs shows nothing. A comparison needs its settings, the spread over many seeds, path lengths before and after
+# The picture shows one run of each. The number of samples varies enormously from seed to seed, so two single runs prove
+# nothing; try several. A comparison needs its settings, the spread over many seeds, path lengths before and after
 # shortening, and a fair unit: one sample of RRT-Connect may cost many edge checks. Here is one: a square of 10 m, a
 # wall of 0.5 m, steps of 1 m, a goal bias of 5 % for RRT, exact edge checks, a goal that has to be connected, 100
 # seeds.
@@ -509,8 +509,9 @@ table(*lines)
 
 # %% [markdown]
 # A narrower gap lengthens the search and shrinks the advantage of RRT-Connect, which is smaller in edge checks than in
-# samples: at the 2 % gap the medians of the edge checks are nearly equal. (Our RRT also checks edges to the goal, which
-# are no samples.) After shortening (section 3) both planners return practically the shortest path in this scene.
+# samples: at the 2 % gap the medians of the edge checks are nearly equal. (Our RRT also tries an edge to the goal from
+# each new node near it, without a sample.) After shortening (section 3) both planners return practically the shortest
+# path in this scene.
 
 # %%
 more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
@@ -622,14 +623,14 @@ show("rrt_star_converges")
 #
 # ![Excess path length over the shortest path against computing time, in two scenes](../docs/charts/path_quality.png)
 #
-# Lines are medians over seeds; bands (**quartiles**) contain the middle half of them. All trees take steps of 1 m. On
-# the curve *RRT-Connect, shortcuts*, each point stands for a number of random attempts to shorten the path (section 3):
-# 0, 10, 30, 100 and 300. Even at 0, needless waypoints are removed.
+# Lines are medians over seeds; bands (**quartiles**) contain the middle half of them. All trees take steps of 1 m.
+# OMPL's RRT\* calls Python for each edge check, so its curve says nothing about OMPL's speed. On the curve
+# *RRT-Connect, shortcuts*, each point stands for a number of random attempts to shorten the path (section 3): 0, 10,
+# 30, 100 and 300. Even at 0, needless waypoints are removed.
 #
 # The circle (*pick*) marks the fastest setting whose median is within 5 % of the optimum. It lies on that curve in both
 # scenes: at 0 attempts around the disc, at 10 at the gap. A smaller tolerance can change the winner: at the gap,
-# Informed RRT\* comes closer to the optimum than shortcuts from about 2 ms on. (PRM\* is explained in the next part.
-# OMPL's RRT\* calls Python for each edge check.)
+# Informed RRT\* comes closer to the optimum than shortcuts from about 2 ms on. (PRM\* is explained in the next part.)
 
 # %%
 more_claims("informed_rrt_star")
@@ -730,8 +731,8 @@ plt.show()
 
 # %% [markdown]
 # Blue is a start, green a goal, each with the fingertip inside a compartment. The open shelf has two rows of
-# compartments, the tight one three lower ones. Now somebody places a ball of 8 cm radius in front of the open shelf
-# before each query, and any edge of the stored roadmap might be blocked.
+# compartments. The tight shelf has three, and each is less high. Now somebody places a ball of 8 cm radius in front of
+# the open shelf before each query, and any edge of the stored roadmap might be blocked.
 
 # %%
 predict("after_the_ball")
@@ -843,9 +844,10 @@ table(*rows)
 # the gradient of a smoothness cost plus an obstacle cost, and spreads each change over the neighbouring waypoints so
 # that the path bends instead of kinking.
 #
-# **TrajOpt** (Schulman and others 2014) also has a cost for waypoints too close to an obstacle. Near the present path
-# it approximates the total cost by a **convex** function, whose minima are all global. It minimises this function in a
-# small region around the path, and repeats.
+# **TrajOpt** (Schulman and others 2014) also penalises waypoints that are too close to an obstacle, and in its
+# published form the volume swept between two waypoints. (Ours tests the middle of each edge instead.) Near the present
+# path it approximates the total cost by a **convex** function, whose minima are all global. It minimises this function
+# in a small region around the path, and repeats.
 #
 # **STOMP** (Kalakrishnan and others 2011) needs no gradient: it averages noisy variations of the trajectory. The
 # cheaper a variation is, the more it counts.
@@ -922,8 +924,8 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 # s$ suits all joints. This cap is dotted in the left sketch, with dips at two bends. So the only unknown left is the
 # path speed. Two passes find it:
 #
-# 1. *Backward*, from the goal at rest: at each point compute the highest speed from which the robot can still slow
-#    down before each limit ahead.
+# 1. *Backward*, from the goal at rest: at each point compute the highest path speed that stays below the cap and from
+#    which the robot can still brake for every dip of the cap ahead.
 # 2. *Forward*, from the start at rest: accelerate as hard as the limits allow, but stay below the result of the first
 #    pass.
 
@@ -994,7 +996,8 @@ plt.show()
 # $\ddot q$ only at the first point of each interval, others at both ends.
 #
 # Is it enough to test both ends? On a straight line $q''$ is zero, and on a parabola in its own parameter it is
-# constant. Then $\ddot q$ changes linearly with $s$ in the interval, so it is largest at one of the ends. On a circular
+# constant. Besides, $q'$ and, with constant $\ddot s$, $\dot s^2$ are linear in $s$. So $\ddot q$ is linear too, and
+# largest at one of the ends. (The velocity $q'\dot s$ is not: on a parabola it needs a bound of its own.) On a circular
 # arc the direction of $q''$ turns, and $\ddot q$ can be larger in between.
 
 # %%
@@ -1005,9 +1008,10 @@ show("limits_between_grid_points")
 # saves](../docs/charts/limits_between.png)
 #
 # The left plot shows by how much the acceleration exceeds its limit inside the intervals, on straight lines and
-# parabolas. With a test at both ends, only rounding errors remain. In the right plot, the motion takes less time the
-# earlier the rounding of a corner begins. But a larger rounding also leaves the checked path farther. Timing every
-# joint with its own trapezoid hardly saves time here, and the robot leaves the checked path.
+# parabolas. With a test at both ends, only rounding errors remain. The right plot compares with the motion that stops
+# at every waypoint. The earlier the rounding of a corner begins, the less time the motion takes, but the farther it
+# leaves the checked path. The other curve still stops at every waypoint, but times every joint with its own trapezoid.
+# That hardly saves time here, and the robot leaves the checked straight lines.
 
 # %%
 more_claims("shortcut_share")
@@ -1028,7 +1032,7 @@ levels = (
 )
 failures = (
     "no path: try another grasp",
-    "a rounding collides: ask for another path",
+    "the motion takes too long: ask for another path",
     "cannot follow: slow down or replan",
 )
 for k, (name, what, down) in enumerate(levels):
@@ -1274,8 +1278,9 @@ table(
 
 # %% [markdown]
 # With the same compiled edge check, OMPL takes about as long as our planner in most scenes, and several times as long
-# at the 2 % gap. The curve *OMPL's own part* omits the time inside our edge check, but not the cost of calling it from
-# C++.
+# at the 2 % gap. With the discs and the 10 % gap, nearly all of our time is the fixed cost of a call. At the 2 % gap
+# hundreds of edges are checked, and OMPL calls Python for each, which takes more than half of its time. The curve
+# *OMPL's own part* omits the time inside our edge check, but not the cost of calling it from C++.
 #
 # In the last two columns of the table, two things change at once: the check runs in Python, and it tests points instead
 # of whole edges. We did not separate the two: a compiled check at points is missing. At OMPL's default spacing, 1 % of
@@ -1342,8 +1347,9 @@ plt.show()
 #
 # On the left we sampled 100,000 pairs for each point; a curve ends where none of them saw each other. (Where the
 # probability is only a few in 100,000, that can be chance.) On the right, a filled triangle at the top edge means that
-# the median exceeds the budget. At dimension 5 it does so for hole and tunnel, in both implementations: their triangles
-# cover each other. The bands are quartiles over 100 seeds.
+# the median exceeds the budget. At dimension 5 it does so for hole and tunnel, in both implementations, and higher
+# dimensions were not run. The bands are quartiles over 100 seeds. For the hole they span a factor of more than ten, so
+# a median of 100 runs is uncertain by a factor of two. That is why the medians of the two implementations differ there.
 #
 # In seven dimensions the slab still needs only a few samples. The hole gets harder by a large factor with each
 # dimension. So count the directions in which your passage is narrow, and remove some of them: first plan to a
@@ -1396,8 +1402,9 @@ show("slow_plans_are_slow_questions")
 #
 # <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr> <tr><td>the path hits something thin</td>
 # <td>edges are checked at points</td> <td><code>check_path</code>; halve the spacing</td> <td>use an exact edge check,
-# or enlarge the obstacles as section 2 computes</td></tr> <tr><td>fast on average, sometimes far too slow</td> <td>a
-# heavy tail</td> <td>look at the 99th percentile, counting failures as infinite; find out which queries are slow</td>
+# or enlarge the obstacles as section 2 computes</td></tr> <tr><td>fast on average, sometimes far too slow</td> <td>some
+# queries are hard, or a seed is unlucky</td> <td>look at the 99th percentile, counting failures as infinite; run the
+# slow queries with other seeds</td>
 # <td>look at their start and goal: take longer steps, or grow a small tree from each to a stored roadmap</td></tr>
 # <tr><td>a different result in each run</td> <td>the seed or the time limit comes from the clock</td> <td>make the same
 # call twice</td> <td>pass a seed; limit the number of samples instead of seconds</td></tr> </table>
@@ -1451,11 +1458,12 @@ bare(axes[3], "kinodynamic: simulated controls")
 plt.show()
 
 # %% [markdown]
-# On the left, the chart shows what these checks cost: each bar adds one check to the bar above it, and both together
-# triple the time of an edge check. On the right, it shows how many configurations and paths collide if the planner
-# omits a check; *cup* counts only what passes the check of the arm against itself. Starts and goals are free also with
-# the cup. Still, nearly all paths planned without the cup collide once it is held. (*Coal* is a standard library for
-# general shapes, called from Python on the same capsules.)
+# On the left, the chart shows what these checks cost: within each group of three bars, every bar adds one check to the
+# bar above it. Both together triple the time of our edge check. On the right, it shows how many configurations and
+# paths collide if the planner omits a check; *cup* counts only what passes the check of the arm against itself. The
+# paths lead from compartment to compartment, and the cup is 8 cm wide and 12 cm high. Starts and goals are free also
+# with the cup. Still, nearly all paths planned without the cup collide once it is held. (The bars of *Coal*, a library
+# for general shapes, include calls from Python. Coal is here to confirm our results, not to be timed.)
 #
 # ![Time of a check with self-collision and a held cup, and collisions missed without
 # them](../docs/charts/held_object.png)
@@ -1521,8 +1529,8 @@ direct_ = f"{direct.max():.0f}° on the straight edge"
 print(f"largest tilt: {direct_}, {side_} 1° on each edge of CBiRRT's path")
 
 # %% [markdown]
-# The edges must be checked for collisions as well. OMPL's planner for constraints checks configurations at a spacing
-# that you choose, and nothing between them. So its paths can collide.
+# The edges must be checked for collisions as well. OMPL runs its usual planners in a constrained space. There it checks
+# configurations at a spacing that you choose, and nothing between them. So its paths can collide.
 #
 # <details><summary>Projection, and a bound on the tilt between two states</summary>
 #
@@ -1610,8 +1618,9 @@ figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
 #
 # * Of the trajectories that were checked only at points 0.1 s apart, nearly half hit a post. (At up to 2 m/s along each
 #   axis, two points can be more than 20 cm apart.) With a margin that covers the motion between two points, none did.
-# * Which node is *nearest*? When we chose the one from which the sample can be reached soonest, the trajectories lasted
-#   less than two thirds as long as with the Euclidean distance of position and velocity.
+# * Which node is *nearest*? When we chose the one from which the sample could be reached soonest without posts, the
+#   trajectories lasted less than two thirds as long as with the Euclidean distance, in which 1 m/s counts like 1 m.
+#   (Another weight may do better.)
 #
 # <details><summary>The comparison in detail: planners, lower bound, margin between points</summary>
 #
@@ -1865,9 +1874,9 @@ your_robot(5)
 # probabilistically complete.
 #
 # The test worlds have three walls with one slit each. The first panel of the chart shows one of them with the proposed
-# samples, the second the worlds of the training family, the third the same worlds rotated by 90°. The curve *bridge
-# test* is no fair comparison: we did not tune the bridge's length. The last panel belongs to the diffusion model, which
-# comes next.
+# samples, the second the worlds of the training family, the third the same worlds rotated by 90°. On the curve *bridge
+# test, a fifth*, one sample in five comes from a bridge test. We did not tune the bridge's length, so it is no fair
+# comparison. The last panel belongs to the diffusion model, which comes next.
 #
 # ![A learned sampler and a diffusion planner, compared with methods without
 # learning](../docs/charts/learned_planners.png)
@@ -1886,7 +1895,7 @@ checks = {a.strip(): rest for a, *rest in key(
     r"^(.{24,32}?) median +(\d+) checks \((\d+) to (\d+) by seed\), 90 % within (\d+)",
 )}  # fmt: skip
 rows = [("where samples come from",
-         "collision checks, median of 200 worlds: middle of three seeds (least to largest)",
+         "collision checks, median over 200 worlds: middle of three networks and seeds (smallest to largest)",
          "90 % of the worlds within")]  # fmt: skip
 for name, title in NAMES.items():
     middle, least, largest, tail = (f"{int(n):,}" for n in checks[name])
@@ -1895,10 +1904,10 @@ table(*rows)
 
 # %% [markdown]
 # So ask three questions about a learned sampler. What does its *input* cost? A mobile robot may have a map anyway. For
-# an arm, a camera shows only the workspace, not which configurations are free. If a state counts as much as an edge, as
-# here, filling the grid with collision checks costs more than the median query saves; only the hard queries still gain.
-# What would a *simple* method such as a grid search make of the same input? And how far is your world from those of the
-# training?
+# an arm, a camera shows only the workspace, not which configurations are free. The table counts the check of one grid
+# cell as much as that of a whole edge. Counted so, filling the grid (1,024 cells) costs more than the median query
+# saves; only the hard queries still gain. What would a *simple* method such as a grid search make of the same input?
+# And how far is your world from those of the training?
 #
 # A bad sampler can't make a path collide, because every edge is still checked. As long as uniform samples are mixed in,
 # it can only make the planner slow.
