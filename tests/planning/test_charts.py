@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from course import charts
-from course.charts.planning import limits
-from course.planning import check_path, edge_free
+from course.charts.planning import ladder, limits
+from course.planning import check_path, edge_free, plan, shelf
 
 
 def middle(series) -> float:
@@ -48,6 +48,14 @@ def test_the_rungs_of_the_ladder_bought_what_the_notebook_says() -> None:
     solved = re.findall(short, charts.read("shelf_ladder"), re.M)
     assert longer_with_paths == 3
     assert len(solved) == 6 and all(int(count) <= 5 for count in solved)
+
+
+@pytest.mark.parametrize("name", ["open", "tight"])
+def test_the_second_tree_needs_no_larger_limit_with_the_shelf_unchanged(name: str) -> None:
+    requested = shelf(name)
+    queries, _ = ladder.certified(requested, 100, 0)
+    limited = ladder.BOTH | {"budget": ladder.SAMPLES}
+    assert all(plan(requested.world, *q, rng=i, **limited).solved for i, q in enumerate(queries))
 
 
 def test_ours_and_ompl_take_as_many_samples() -> None:
