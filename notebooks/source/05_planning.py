@@ -266,11 +266,10 @@ for axis, count in zip(axes[2:], (60, 600), strict=True):
 plt.show()
 
 # %% [markdown]
-# Why does the tree spread instead of clumping? Look at the second sketch. All points of one patch have the same nearest
-# node. A node at the border of the tree owns a large empty region, so most samples fall there and pull that node
-# outwards. The right half shows a **bug trap**: the corridor to the only exit juts into the room. Branches at the walls
-# don't help; a new branch has to grow from the middle of the room, where the corridor begins. So the tree fills the
-# room long before it finds the way out.
+# Why does the tree spread instead of clumping? Look at the second sketch.  A node at the border of the tree owns a
+# large empty region, so most samples fall there and pull that node outwards. The right half shows a **bug trap**: the
+# corridor to the only exit juts into the room. Branches at the walls don't help; a new branch has to grow from the
+# middle of the room, where the corridor begins. So the tree fills the room long before it finds the way out.
 #
 # ### What "probabilistically complete" promises
 #
@@ -345,10 +344,10 @@ plt.show()
 #
 # ### Conservative advancement: an edge check that proves
 #
-# An arm that turns has no such formula, but there is a method with a guarantee, **conservative advancement**, drawn on
-# the right of the sketch above. Measure the distance $g$ between the arm and the nearest obstacle. If no point of the
-# arm can move farther than $g$ during the next stretch of the motion, that stretch is free. Go to the end of that
-# stretch, measure again, and repeat. (The sketch shows a single point, for which the gap is a circle.)
+# An arm that turns has no such formula. But **conservative advancement**, drawn on the right of the sketch above, gives
+# a guarantee. Measure the distance $g$ between the arm and the nearest obstacle. If no point of the arm can move
+# farther than $g$ during the next stretch of the motion, that stretch is free. Go to the end of that stretch, measure
+# again, and repeat. (The sketch shows a single point, for which the gap is a circle.)
 #
 # How far can a point of the arm move? Let the edge lead from $q$ to $q + \Delta q$, and let $\lambda$ be the share of
 # the edge that is done, from 0 to 1. When joint $i$ turns by $\Delta q_i$, a point at a distance $r$ from that joint
@@ -387,8 +386,8 @@ more_claims("edge_by_ten_points")
 # ### Connecting the goal
 #
 # When is the search finished? Many programs in tutorials stop as soon as a node is within one step of the goal. That
-# saves a line and returns a path that ends somewhere near the goal. It can be worse: a node may be close to the goal
-# and on the other side of a wall. The goal has to become a node of its own, connected by an edge that was checked.
+# saves a line and returns a path that ends somewhere near the goal. Or a node is close to the goal, but on the other
+# side of a wall. The goal has to become a node of its own, connected by an edge that was checked.
 
 # %%
 show("near_the_goal")
@@ -460,8 +459,7 @@ plt.show()
 #
 # **A worked example.** Start and goal are 11.3 m apart with nothing between, the step size is 1 m. In the first round
 # the tree of the start adds one node. The tree of the goal then walks all the way to it, about eleven nodes, and the
-# problem is solved with a single sample. With only one edge per tree and sample, the trees would need at least six
-# samples, since each brings them at most 2 m closer.
+# problem is solved with a single sample.
 #
 # A **narrow passage** is a small part of the free space that connects two larger parts and that random samples rarely
 # hit. If a passage is as hard to enter from one side as from the other, the second tree helps less: both trees have to
@@ -532,8 +530,8 @@ simulation("growing", "Bug trap")
 # The second idea is to place samples where passages are. A **bridge test** samples two nearby configurations. If *both*
 # collide and the midpoint between them is free, it keeps the midpoint, which is then likely to lie in a passage. A
 # **Gaussian sampler** asks for less: exactly one of the two must collide, and the other one is kept, so its samples
-# follow every surface. (After 100 failed bridge tests in a row, our sampler takes a uniform sample. These are the dots
-# outside the corridor on the right below; each bridge test that succeeded lies inside.)
+# follow every surface. (On the right below, dots outside the corridor are uniform samples, taken after 100 failed
+# bridge tests.)
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
@@ -626,7 +624,7 @@ show("rrt_star_converges")
 # Lines are medians over seeds; bands (**quartiles**) contain the middle half of them. All trees take steps of 1 m.
 # OMPL's RRT\* calls Python for each edge check, so its curve says nothing about OMPL's speed. On the curve
 # *RRT-Connect, shortcuts*, each point stands for a number of random attempts to shorten the path (section 3): 0, 10,
-# 30, 100 and 300. Even at 0, needless waypoints are removed.
+# 30, 100 and 300.
 #
 # The circle (*pick*) marks the fastest setting whose median is within 5 % of the optimum. It lies on that curve in both
 # scenes: at 0 attempts around the disc, at 10 at the gap. A smaller tolerance can change the winner: at the gap,
@@ -845,17 +843,17 @@ table(*rows)
 # that the path bends instead of kinking.
 #
 # **TrajOpt** (Schulman and others 2014) also penalises waypoints that are too close to an obstacle, and in its
-# published form the volume swept between two waypoints. (Ours tests the middle of each edge instead.) Near the present
-# path it approximates the total cost by a **convex** function, whose minima are all global. It minimises this function
-# in a small region around the path, and repeats.
+# published form the volume swept between two waypoints.  Near the present path it approximates the total cost by a
+# **convex** function, whose minima are all global. It minimises this function in a small region around the path, and
+# repeats.
 #
 # **STOMP** (Kalakrishnan and others 2011) needs no gradient: it averages noisy variations of the trajectory. The
 # cheaper a variation is, the more it counts.
 #
 # All of them start from an **initial guess**, and it decides a lot. If no deformation turns one path into another
 # without crossing an obstacle, the two belong to different **homotopy classes**. In the plane, these are paths on
-# different sides of an obstacle. A small deformation usually stays in its class. If the initial guess runs through the
-# obstacle, it is hard to predict which side it ends on, or whether it gets out at all.
+# different sides of an obstacle.  If the initial guess runs through the obstacle, it is hard to predict which side it
+# ends on, or whether it gets out at all.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(6.5, 3.0), layout="constrained")
@@ -976,7 +974,7 @@ plt.show()
 # On a straight line from rest to rest, the fastest velocity over time is a **trapezoid**: accelerate, cruise, brake; on
 # a short one, a triangle. The plot on the right shows the motion for the path among the discs: at nearly every moment
 # one of the limits (dotted) is reached, and none is exceeded. The accelerations jump: their derivative, the **jerk**,
-# is not limited here. Many arms need a limit on it, too.
+# is not limited here.
 #
 # **A worked example.** One joint moves 2 rad with at most 1 rad/s and 2 rad/s². Speeding up takes 0.5 s and covers 0.25
 # rad, braking the same. The remaining 1.5 rad take 1.5 s, so the motion lasts 2.5 s.
@@ -1240,9 +1238,8 @@ Markdown(
 #
 # **Interview tip.** *How do you speed up planning?* Don't recite a menu, give an order. (1) Measure two numbers: how
 # many checks, and what one costs. (2) Reduce the number first, since that decides whether a query is solved at all:
-# longer steps or a second tree. (3) Make the check cheap: simple shapes, compiled or vectorised code, a distance
-# instead of many points. (4) Reuse: a stored roadmap, checked lazily. (5) Special samplers last, for a passage that
-# you can name. *And say what each one costs.*
+# longer steps or a second tree. (3) Make the check cheap: simple shapes, compiled or vectorised code. (4) Reuse: a
+# stored roadmap, checked lazily. (5) Special samplers last, for a passage that you can name.
 #
 # </div>
 
@@ -1284,9 +1281,8 @@ table(
 # *OMPL's own part* omits the time inside our edge check, but not the cost of calling it from C++.
 #
 # In the last two columns of the table, two things change at once: the check runs in Python, and it tests points instead
-# of whole edges. We did not separate the two: a compiled check at points is missing. At OMPL's default spacing, 1 % of
-# the diagonal of the space, some of the returned paths are in collision. (The curve *OMPL, Python, 0.2%* has a fifth of
-# that spacing.)
+# of whole edges. We did not separate the two. At OMPL's default spacing, 1 % of the diagonal of the space, some of the
+# returned paths are in collision.
 #
 # In all scenes but the 2 % gap, the two changes together cost far more time than the choice between the two
 # implementations of RRT-Connect. So use the library, which is maintained and offers many planners, and spend your
@@ -1346,11 +1342,10 @@ plt.show()
 # ![Probability that two points are joined through a slab, a hole and a tunnel, and samples that RRT-Connect needs, by
 # dimension](../docs/charts/narrow_passages.png)
 #
-# On the left we sampled 100,000 pairs for each point; a curve ends where none of them saw each other. (Where the
-# probability is only a few in 100,000, that can be chance.) On the right, a filled triangle at the top edge means that
-# the median exceeds the budget. At dimension 5 it does so for hole and tunnel, in both implementations, and higher
-# dimensions were not run. The bands are quartiles over 100 seeds. For the hole they span a factor of more than ten, so
-# a median of 100 runs is uncertain by a factor of two. That is why the medians of the two implementations differ there.
+# On the left we sampled 100,000 pairs for each point; a curve ends where none of them saw each other.  On the right, a
+# filled triangle at the top edge means that the median exceeds the budget. At dimension 5 it does so for hole and
+# tunnel, in both implementations. For the hole, the bands (quartiles of 100 runs) span a factor of more than ten. So
+# its medians are uncertain by a factor of two, and the two implementations may differ by chance.
 #
 # In seven dimensions the slab still needs only a few samples. The hole gets harder by a large factor with each
 # dimension. So count the directions in which your passage is narrow, and remove some of them: first plan to a
@@ -1461,10 +1456,12 @@ plt.show()
 # %% [markdown]
 # On the left, the chart shows what these checks cost: within each group of three bars, every bar adds one check to the
 # bar above it. Both together triple the time of our edge check. On the right, it shows how many configurations and
-# paths collide if the planner omits a check; *cup* counts only what passes the check of the arm against itself. The
+# paths collide if the planner omits a check; *cup* counts only what passes the check of the arm against itself.
+#
+# The
 # paths lead from compartment to compartment, and the cup is 8 cm wide and 12 cm high. Starts and goals are free also
-# with the cup. Still, nearly all paths planned without the cup collide once it is held. (The bars of *Coal*, a library
-# for general shapes, include calls from Python. Coal is here to confirm our results, not to be timed.)
+# with the cup. Still, nearly all paths planned without the cup collide once it is held. (*Coal*, a library for general
+# shapes called from Python, confirms the results; its times are not comparable.)
 #
 # ![Time of a check with self-collision and a held cup, and collisions missed without
 # them](../docs/charts/held_object.png)
@@ -1497,7 +1494,7 @@ more_claims("limits_keep_an_arm_from_itself")
 # about a quarter (third sketch).
 #
 # The next plot shows a planned path. Each edge has an upper bound on its tilt, computed without check points. The bound
-# stays below the allowed 1°. (A dot at the lower edge means a tilt near zero.)
+# stays below the allowed 1°.
 
 # %% tags=["hide-code"]
 from course.charts.planning.constraints import carried
@@ -1617,11 +1614,10 @@ figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
 # nearest to a sample, and adds the result that comes closest to the sample (fourth sketch). We tried it with a point of
 # limited acceleration among 150 posts, 6 cm thick, in a square of 10 m. Two results:
 #
-# * Of the trajectories that were checked only at points 0.1 s apart, nearly half hit a post. (At up to 2 m/s along each
-#   axis, two points can be more than 20 cm apart.) With a margin that covers the motion between two points, none did.
+# * Of the trajectories that were checked only at points 0.1 s apart, nearly half hit a post.  With a margin that covers
+#   the motion between two points, none did.
 # * Which node is *nearest*? When we chose the one from which the sample could be reached soonest without posts, the
 #   trajectories lasted less than two thirds as long as with the Euclidean distance, in which 1 m/s counts like 1 m.
-#   (Another weight may do better.)
 #
 # <details><summary>The comparison in detail: planners, lower bound, margin between points</summary>
 #
@@ -1904,11 +1900,11 @@ for name, title in NAMES.items():
 table(*rows)
 
 # %% [markdown]
-# So ask three questions about a learned sampler. What does its *input* cost? A mobile robot may have a map anyway. For
-# an arm, a camera shows only the workspace, not which configurations are free. The table counts the check of one grid
-# cell as much as that of a whole edge. Counted so, filling the grid (1,024 cells) costs more than the median query
-# saves; only the hard queries still gain. What would a *simple* method such as a grid search make of the same input?
-# And how far is your world from those of the training?
+# So ask three questions about a learned sampler. What does its *input* cost? For an arm, a camera shows only the
+# workspace, not which configurations are free. The table counts the check of one grid cell as much as that of a whole
+# edge. Counted so, filling the grid (1,024 cells) costs more than the median query saves; only the hard queries still
+# gain. What would a *simple* method such as a grid search make of the same input? And how far is your world from those
+# of the training?
 #
 # A bad sampler can't make a path collide, because every edge is still checked. As long as uniform samples are mixed in,
 # it can only make the planner slow.
