@@ -266,10 +266,11 @@ for axis, count in zip(axes[2:], (60, 600), strict=True):
 plt.show()
 
 # %% [markdown]
-# Why does the tree spread instead of clumping? Look at the second sketch.  A node at the border of the tree owns a
-# large empty region, so most samples fall there and pull that node outwards. The right half shows a **bug trap**: the
-# corridor to the only exit juts into the room. Branches at the walls don't help; a new branch has to grow from the
-# middle of the room, where the corridor begins. So the tree fills the room long before it finds the way out.
+# Why does the tree spread instead of clumping? Look at the second sketch. All points of one patch have the same nearest
+# node. A node at the border of the tree owns a large empty region, so most samples fall there and pull that node
+# outwards. The right half shows a **bug trap**: the corridor to the only exit juts into the room. Branches at the walls
+# don't help; a new branch has to grow from the middle of the room, where the corridor begins. So the tree fills the
+# room long before it finds the way out.
 #
 # ### What "probabilistically complete" promises
 #
@@ -400,13 +401,13 @@ show("near_the_goal")
 #
 # ```python
 # for _ in range(self.max_samples):
-#     target = self.sample()  # the goal with probability 0.1
+#     target = self.sample() # the goal with probability 0.1
 #     near = self.nearest(target)
 #     new = self.steer(near, target)
 #     if self.collision_free(near, new):  # ten points along the edge
 #         self.nodes.append(new)
 #         if np.linalg.norm(new - self.goal) < self.step:
-#             return self.path_to(new)  # ends at a neighbour of the goal
+#             return self.path_to(new) # ends at a neighbour of the goal
 # ```
 #
 # It runs. The path that it returns ends at a *neighbour* of the goal, and nobody has checked the last stretch. Its
@@ -547,8 +548,7 @@ plt.show()
 
 # %% [markdown]
 # Both samplers pay for this with extra collision checks per sample. The bridge must also have the right length: if the
-# two samples are closer to each other than the passage is wide, they can't lie in the walls on both sides of it. Where
-# there is no narrow passage, neither helps.
+# two samples are closer to each other than the passage is wide, they can't lie in the walls on both sides of it.
 
 # %%
 more_claims("goal_bias_in_passages", "bridge_test")
@@ -843,16 +843,15 @@ table(*rows)
 # that the path bends instead of kinking.
 #
 # **TrajOpt** (Schulman and others 2014) also penalises waypoints that are too close to an obstacle, and in its
-# published form the volume swept between two waypoints.  Near the present path it approximates the total cost by a
+# published form the volume swept between two waypoints. Near the present path it approximates the total cost by a
 # **convex** function, whose minima are all global. It minimises this function in a small region around the path, and
 # repeats.
 #
-# **STOMP** (Kalakrishnan and others 2011) needs no gradient: it averages noisy variations of the trajectory. The
-# cheaper a variation is, the more it counts.
+# **STOMP** (Kalakrishnan and others 2011) needs no gradient: it averages noisy variations of the trajectory.
 #
 # All of them start from an **initial guess**, and it decides a lot. If no deformation turns one path into another
 # without crossing an obstacle, the two belong to different **homotopy classes**. In the plane, these are paths on
-# different sides of an obstacle.  If the initial guess runs through the obstacle, it is hard to predict which side it
+# different sides of an obstacle. If the initial guess runs through the obstacle, it is hard to predict which side it
 # ends on, or whether it gets out at all.
 
 # %% tags=["hide-code"]
@@ -1342,7 +1341,7 @@ plt.show()
 # ![Probability that two points are joined through a slab, a hole and a tunnel, and samples that RRT-Connect needs, by
 # dimension](../docs/charts/narrow_passages.png)
 #
-# On the left we sampled 100,000 pairs for each point; a curve ends where none of them saw each other.  On the right, a
+# On the left we sampled 100,000 pairs for each point; a curve ends where none of them saw each other. On the right, a
 # filled triangle at the top edge means that the median exceeds the budget. At dimension 5 it does so for hole and
 # tunnel, in both implementations. For the hole, the bands (quartiles of 100 runs) span a factor of more than ten. So
 # its medians are uncertain by a factor of two, and the two implementations may differ by chance.
@@ -1458,8 +1457,7 @@ plt.show()
 # bar above it. Both together triple the time of our edge check. On the right, it shows how many configurations and
 # paths collide if the planner omits a check; *cup* counts only what passes the check of the arm against itself.
 #
-# The
-# paths lead from compartment to compartment, and the cup is 8 cm wide and 12 cm high. Starts and goals are free also
+# The paths lead from compartment to compartment; the cup is 8 cm wide and 12 cm high. Starts and goals are free also
 # with the cup. Still, nearly all paths planned without the cup collide once it is held. (*Coal*, a library for general
 # shapes called from Python, confirms the results; its times are not comparable.)
 #
@@ -1614,7 +1612,7 @@ figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
 # nearest to a sample, and adds the result that comes closest to the sample (fourth sketch). We tried it with a point of
 # limited acceleration among 150 posts, 6 cm thick, in a square of 10 m. Two results:
 #
-# * Of the trajectories that were checked only at points 0.1 s apart, nearly half hit a post.  With a margin that covers
+# * Of the trajectories that were checked only at points 0.1 s apart, nearly half hit a post. With a margin that covers
 #   the motion between two points, none did.
 # * Which node is *nearest*? When we chose the one from which the sample could be reached soonest without posts, the
 #   trajectories lasted less than two thirds as long as with the Euclidean distance, in which 1 m/s counts like 1 m.
