@@ -401,13 +401,13 @@ show("near_the_goal")
 #
 # ```python
 # for _ in range(self.max_samples):
-#     target = self.sample() # the goal with probability 0.1
+#     target = self.sample()  # the goal with probability 0.1
 #     near = self.nearest(target)
 #     new = self.steer(near, target)
 #     if self.collision_free(near, new):  # ten points along the edge
 #         self.nodes.append(new)
 #         if np.linalg.norm(new - self.goal) < self.step:
-#             return self.path_to(new) # ends at a neighbour of the goal
+#             return self.path_to(new)  # ends at a neighbour of the goal
 # ```
 #
 # It runs. The path that it returns ends at a *neighbour* of the goal, and nobody has checked the last stretch. Its
