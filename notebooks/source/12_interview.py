@@ -315,10 +315,10 @@ show("hold_is_half_a_sample")
 # So a loop at 1,000 Hz pays 0.5 ms for holding its commands. The time for measuring and computing comes on top. A late
 # command still pushes when the joint has already moved on. With a high gain this can make the joint oscillate.
 #
-# The rule is for slow motions. We computed it for a rigid joint with friction proportional to its speed. With six
-# samples per period of the motion, the delay is still half a sample, to within about one degree of phase (a period is
-# 360 degrees). With only two, the phase can be off by far more. And half a sample of six is 30 degrees of phase, which
-# is much for a feedback loop.
+# The rule is for slow motions. We compared a rigid joint with viscous friction under held commands with the same joint
+# under a smooth command that is half a sample late. With six samples per period, their phases differ by at most about
+# one degree (a period is 360 degrees). With only two, they can differ by far more. And half a sample of six is 30
+# degrees of phase, which is much for a feedback loop.
 
 # %%
 more_claims("stiff_is_position")
@@ -411,8 +411,8 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 #
 # A **random error** differs from pick to pick. Its mean is zero, and you know only its standard deviation $\sigma_i$.
 # The sum of independent random errors has the standard deviation $\sqrt{\sum\sigma_i^2}$. If this sum is normally
-# distributed, it is within twice this value in about 95 % of the picks. The estimate adds twice this value to the
-# systematic error, so at least about 95 % of the picks are no farther off.
+# distributed, it is within two standard deviations in about 95 % of the picks. We add two standard deviations to the
+# systematic error, so about 95 % of the picks or more stay within the estimate.
 #
 # The *hand-eye error* (in the angle between camera and arm) is the same in each pick of one robot. This robot is not
 # built yet, so we treat it as random: the 95 % are a share of the picks of many such robots, and one with a large
@@ -963,10 +963,11 @@ predict("learned_or_not")
 # part's pixels at which the camera sees something farther away. A part that is really there would hide what is behind
 # it, so we reject a pose above the dotted line.
 #
-# The green points belong to a mirror image of the part. No pose of the model fits it, so all these poses are wrong.
-# Neither the network nor ICP gives a warning, but the see-through check rejects most of them. It rejects no orange
-# point, although about a fifth of these poses are wrong (left panel): their errors are too small for the check. Most of
-# them have a right angle and a wrong position, which this panel doesn't show.
+# The green points belong to a mirror image of the part. No pose of the model fits it, so all these poses are wrong, and
+# only their height in the plot matters. The network gives no warning (we did not try ICP's residual as one), but the
+# see-through check rejects most of them. It rejects no orange point, although about a fifth of these poses are wrong
+# (left panel): their errors are too small for the check. In most of them the rotation is right and the position wrong,
+# which this panel doesn't show.
 #
 # The next lines are what you may say about our measurements, each with its limit:
 
@@ -977,8 +978,8 @@ SAY = """
   {estimate.start_low:.0%}). So were four fixed starts. The median processor time was
   {chart.learned_start/0/noise x 1/x/4:.1f} ms with the network and {chart.learned_start/0/noise x 1/x/1:.1f} ms
   with all four starts, one after another." Name the machine, too: it is printed below the picture. Limit: for a part
-  that is not the model, both return a wrong pose without a warning. Of the network's poses for the mirrored part, the
-  see-through check rejected REJECTED.
+  that is not the model, both return a wrong pose. Of the network's poses for the mirrored part, the see-through check
+  rejected REJECTED.
 * **Planning.** "In two hundred new worlds like those of the training (a square with three walls, each with one slit),
   RRT-Connect needed {learned_sampler_speeds_up.learned:.0f} collision checks in the median with samples from a network,
   and {learned_sampler_speeds_up.uniform:.0f} with uniform samples. A check is one state or one whole edge. The 95 %
@@ -993,11 +994,13 @@ SAY = """
   {chart.learned_beside_adaptive/0/learned, trained/y/-1:.1g} rad, after
   {chart.learned_beside_adaptive/0/learned, trained/x/-1:.0f} s of data (median of seven runs)." Limit: on a motion 1.6
   times as large as the trained one, the error with this correction was
-  {chart.learned_beside_adaptive/0/learned, a larger/y/-1:.1g} rad. And higher gains help without learning: PD with
-  gravity compensation by the same model had {chart.equal_stiffness/1/PD + gravity/y/1:.2g} rad with the same stiffness
-  of the joints, and {chart.tracking_laws/1/PD + gravity/y/-1:.2g} rad with an elbow seven times as stiff.
-* **Model of an arm.** "A learned model predicted new motions of a simulated arm, up to 0.6 s ahead, with an
-  error of {chart.learned_model/0/learned/y/-1:.0f} mrad (root mean square), after
+  {chart.learned_beside_adaptive/0/learned, a larger/y/-1:.1g} rad. And an adaptive law, which corrects
+  the model while the arm moves and has higher gains, had {chart.tracking_laws/1/adaptive law/y/-1:.1g} rad without
+  training. PD with gravity compensation by the same wrong model had {chart.equal_stiffness/1/PD + gravity/y/1:.2g} rad
+  with the same torque per radian of error, and {chart.tracking_laws/1/PD + gravity/y/-1:.2g} rad with seven times as
+  much at the elbow.
+* **Model of an arm.** "A learned model (linear, fifty features) predicted new motions of a simulated arm, up to 0.6 s
+  ahead, with an error of {chart.learned_model/0/learned/y/-1:.0f} mrad (root mean square), after
   {chart.learned_model/0/learned/x/-1:.0f} s of data. Equations with fitted parameters reached
   {chart.learned_model/0/our arm/y/-1:.0f} mrad after {chart.learned_model/0/our arm/x/-1:.0f} s." Limit: this
   arm is simulated with equations of the same form. A real arm never obeys them exactly, so there the result
@@ -1005,7 +1008,7 @@ SAY = """
 """
 full = tables.classical_or_learned().markdown()
 through = np.array(stored("learned_start")[1]["mirrored part"].y)
-say = filled(SAY.replace("REJECTED", f"{np.mean(through > 0.1):.0%}"), figure)
+say = filled(SAY.replace("REJECTED", f"{np.mean(through > 0.1):.0%} of {len(through)}"), figure)
 Markdown(
     f"{say}\n\n<details><summary>The full table of five components</summary>\n\n"
     f"{full}\n\n</details>"
