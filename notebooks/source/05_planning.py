@@ -1230,8 +1230,8 @@ Markdown(
 #   it reaches the roadmap. Its slowest query beats that of version 6 in all four cases.
 # * *12. Earlier paths added.* No consistent gain: the median is longer in three of four cases.
 #
-# By the median, version 5 already meets the required tenth of a second. Only versions 11 and 12 meet it in every query.
-# One run per query is weak evidence: repeat with other seeds before you promise it.
+# By the median, version 5 already meets the required tenth of a second. Only versions 11 and 12 meet it in every query,
+# also with the ball. One run per query is weak evidence: repeat with other seeds before you promise it.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -2044,8 +2044,9 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# At 0.05 rad, our batches beat the same points one by one, but not the proof. They have two limits. Larger spheres
-# reject free edges (third plot). And a collision can fall between two points.
+# At 0.05 rad and at this shelf, our batches beat the same points one by one, but not the proof. (With VAMP's spheres
+# among balls, see below, they do.) They have two limits. Larger spheres reject free edges (third plot). And a collision
+# can fall between two points.
 #
 # Let $h$ be the spacing and $c$ the length of the stretch of the edge that collides. If $h \le c$, a point always hits.
 # If $h > c$, points with a random offset miss with probability $1 - c/h$. The fourth plot shows this for a pole 8 mm
