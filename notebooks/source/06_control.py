@@ -33,15 +33,13 @@ simulation("joint")
 # * choose a controller for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# In the simulation, *settled* means that the error stays below 2 % of the step. *Growth* and margins follow in *The
-# sampled loop as a matrix* and *Stability margins*. You need the equations of motion of chapter 4, linear differential
-# equations, and eigenvalues.
+# In the simulation, *settled* means that the error stays below 2 % of the step. *Growth* and margins follow below. You
+# need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
 #
 # Cards with a common claim offer three verdicts: *true*, *false*, and *only under a condition*. Choose the third if the
-# claim needs a condition that it does not state. Numbers come from cells on this page or from `python -m
-# course.derivations 6`. These are the exercises of section 8:
+# claim needs a condition that it does not state. These are the exercises of section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -173,16 +171,15 @@ _ = axes.legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# Here P alone oscillates. PD comes to rest past the dashed set-point, by $2/20$ = 0.1 rad. PID goes past it, too, but
-# then returns to it slowly. Whether a mass on a spring oscillates depends on its **damping ratio** $\zeta = (b +
-# K_d)/(2\sqrt{J K_p})$: below 1 it does. The value 1 is called **critical damping**.
+# Here P without D oscillates for a long time. PD comes to rest past the dashed set-point, by $2/20$ = 0.1 rad. PID
+# goes past it, too, but then returns to it slowly. Whether a mass on a spring oscillates depends on its **damping
+# ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$: below 1 it does. The value 1 is called **critical damping**.
 #
-# With an I term, the joint can rest for ever only where the error is zero, unless the command is at its limit
-# or a stop is in the way. Dry friction can keep the joint from getting there. It has two parts: **Coulomb friction** is
-# a torque of constant size against the motion, and **static friction** holds a joint at rest. While static friction
-# holds the joint away from the set-point, the I term grows, until the joint breaks loose. If static friction is larger
-# than Coulomb friction, the joint can jump past the set-point and stick on the other side, again and again. This is
-# called **hunting**.
+# With an I term, the joint can rest for ever only where the error is zero, unless the command is at its limit or a
+# stop is in the way. But dry friction can keep it away. It has two parts: **Coulomb friction** is a torque of constant
+# size against the motion, and **static friction** holds a joint at rest. The I term grows until the joint breaks
+# loose. If static friction is larger than Coulomb friction, the joint can jump past the set-point and stick on the
+# other side, again and again. This is called **hunting**.
 
 # %%
 show("integral_removes_the_error")
@@ -196,9 +193,8 @@ show("integral_removes_the_error")
 show("error_derivative_kick")
 
 # %% [markdown]
-# The spike in the command is the **derivative kick**. In the preset *Derivative kick* of the first screen, it is gone
-# once you switch to the derivative of the measurement. So differentiate the measurement if the set-point can jump. On a
-# planned motion use $\dot q_d - \dot q$, as section 2 does.
+# The spike in the command is the **derivative kick** (a preset of the first screen shows it). So differentiate the
+# measurement if the set-point can jump. On a planned motion use $\dot q_d - \dot q$, as section 2 does.
 #
 # <details><summary>A continuous joint: wrap the error</summary>
 #
@@ -278,8 +274,7 @@ more_claims("integral_clamp", "listing_settles", "listing_friction")
 # So far the torque followed the angle at every instant. Under this assumption, a joint with viscous friction is
 # stable under P alone at any gain: the friction damps every oscillation. A computer works differently. It measures
 # the angle once per sample time $dt$ and computes a torque. The **motor drive**, the electronics that feed the motor,
-# holds this torque until the next sample. Holding a value between samples is called a **zero-order hold**. It turns a
-# smooth command into a staircase:
+# holds this torque until the next sample. Holding a value between samples is called a **zero-order hold**:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.5), layout="constrained")
@@ -310,7 +305,7 @@ predict("more_p")
 # largest absolute value is the **growth** per sample, or spectral radius. **Worked example:** the determinant of the
 # matrix, which is the product of its eigenvalues, is $1 + K_p\,dt^2/(2J)$. For every positive $K_p$ it is above 1. So
 # without friction, P alone is unstable at any gain. If the loop has a further delay, some commands are on their way
-# to the motor. The vector then contains them, too; the method stays the same.
+# to the motor. The vector then contains them, too.
 
 # %%
 show("hold_is_half_a_sample")
@@ -346,8 +341,8 @@ for late in (0.0, 0.005, 0.02, 0.05):
     )
 
 # %% [markdown]
-# A delay of 20 ms lowers the ultimate gain from 1000 to 24 N m/rad (left chart). In the right chart, the hold is the
-# only delay, and a simulator with one physics step per sample hides it (section 7):
+# A delay of 20 ms lowers the ultimate gain from 1000 to 24 N m/rad. The left chart shows others. In the right chart,
+# the hold is the only delay, and a simulator with one physics step per sample hides it (section 7):
 #
 # ![Ultimate gain against delay, and against a simulator's steps](../docs/charts/delay_limit.png)
 
@@ -362,8 +357,8 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # leave this sign out at first. The size of the answer, divided by that of the sent sine, is the **open-loop gain**. The
 # shift between the two sines is the **phase lag**.
 #
-# A lag of 180 degrees turns a sine into its negative, and the minus sign turns it back. So with gain 1 and a lag of
-# 180 degrees, the answer equals the sine that you sent in. In the closed loop, this oscillation keeps itself going.
+# A lag of 180 degrees turns a sine into its negative, and the minus sign turns it back. So with gain 1 and this lag,
+# the answer equals the sine that you sent in. In the closed loop, this oscillation keeps itself going.
 #
 # * The **gain margin** is the factor by which all gains can be raised before the loop becomes unstable. (With an I
 #   term, lower gains can make a loop unstable, too.)
@@ -418,9 +413,9 @@ plt.show()
 # stable loop, the smallest distance of the curve from $-1$ shows how close the loop is to instability.
 #
 # What does the closed loop do to a disturbance that is a sine? Let $d$ be the error that it would cause without
-# control, and $e$ the error that remains. A loop with one signal has the same $L$ wherever you cut it. Now cut it at
-# the error: the loop turns $e$ into the joint's motion $L\,e$, which reduces the error. So $e = d - L\,e$, and the
-# ratio $e/d$ is the function $S$ below:
+# control, and $e$ the error that remains. All feedback runs along one path, from the error to the torque to the angle,
+# so $L$ is the same wherever you cut this path. Now cut it at the error: the loop turns $e$ into the joint's motion
+# $L\,e$, which reduces the error. So $e = d - L\,e$, and the ratio $e/d$ is the function $S$ below:
 #
 # $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
 #
@@ -436,7 +431,7 @@ plt.show()
 # between $-1$ and $-0.5$, and the gain can at least be doubled.
 #
 # The simulation begins with the PD loop of the Bode plot, with D on the error. Drag the gain curve up or the phase
-# curve down. The preset *Comfortable* brings back the beginning, and *High sensitivity* has 8 times the gain:
+# curve down. The preset *High sensitivity* has 8 times the gain:
 
 # %%
 simulation("nyquist")
@@ -478,7 +473,7 @@ for one in stored("pd_triangles")[0].series:
 # %% [markdown]
 # The difference of two angles, divided by $dt$, is the mean rate over the last sample, so it is half a sample late.
 # With a command that is also a sample late, both delays together divide the highest stable $K_p$ by more than twenty.
-# The right chart belongs to section 7.
+# The right chart belongs to section 7. (Triangles at its top mean that no limit was found.)
 #
 # ### Encoder, friction and torque limit
 #
@@ -490,12 +485,13 @@ for one in stored("pd_triangles")[0].series:
 predict("faster_loop")
 
 # %% [markdown]
-# Every estimate of the rate from angles trades noise for lag. A plain difference has the least lag and the most noise.
-# A low-pass filter averages the difference over about its time constant. A **tracking observer** predicts angle and
-# rate one sample ahead, and corrects both with the error of the predicted angle.
+# Three estimates of the rate are common. The plain difference has the least lag of them and the most noise. A low-pass
+# filter averages the difference over about its time constant. A **tracking observer** predicts angle and rate one
+# sample ahead, and corrects both with the error of the predicted angle.
 #
-# The chart compares the three at 1 kHz; the lag is the one under a steady acceleration. At the same lag, the observer
-# (green), a second-order filter, has less noise than the first-order one (orange):
+# The chart compares the three at 1 kHz by their lag under a steady acceleration. At the same lag, the observer (green)
+# has less noise than the filter (orange). But it is of second order, so in fast motions its phase lag is larger. Before
+# you choose, compare the delay margins of the loop:
 #
 # ![Noise of a rate against its lag](../docs/charts/rate_estimates.png)
 
@@ -537,8 +533,7 @@ plt.show()
 # </details>
 #
 # **Saturation** means that the command is at the torque limit. While it is there, a larger error or a higher gain
-# changes nothing. So no gain replaces torque. A pendulum that should stand upright, but starts at rest at an angle at
-# which gravity's torque exceeds the torque limit, falls.
+# changes nothing. So no gain replaces torque.
 #
 # <details><summary>From where a weak motor can catch a pendulum</summary>
 #
@@ -620,13 +615,11 @@ kp = -math.exp(s * Dt) * plain - kd * s
 
 Ku, Tu = control.ultimate_gain(A, B, dt, late)
 tried = {name: (p * Ku, i * Ku / Tu, d * Ku * Tu) for name, (p, i, d) in limits.ROWS.items()}
-tried["often quoted"] = (27.0, 120.0, 1.5)
 tried["equal poles"] = (kp, 0.0, kd)
 
 # %% [markdown]
-# The row *often quoted* has gains that are often printed for this joint. On it they are unstable even without delay,
-# because $(b + K_d)\,K_p < J\,K_i$. The output checks all rows with the growth of the matrix, and with a simulated step
-# of 1 rad without a torque limit:
+# The output checks all rows with the growth of the matrix, and with a simulated step of 1 rad (D on the measurement, no
+# torque limit):
 
 # %% tags=["hide-code"]
 plant = control.held(A, B, dt, late)
@@ -638,7 +631,8 @@ for name, (kp, ki, kd) in tried.items():
     )
     observed = control.step_metrics(run.times, run.q, 1.0)
     steps = (
-        f"overshoot {observed.overshoot:4.0%}, settled after {observed.settling:5.2f} s"
+        f"overshoot {observed.overshoot:4.0%}, settled after {observed.settling:5.2f} s, "
+        f"peak {np.abs(run.command).max():2.0f} N m"
         if growth < 1.0
         else f"unstable: it grows to {growth ** (1.0 / dt):.2f} times its size per second"
     )
@@ -652,14 +646,14 @@ print(f"three equal poles in the formula: {s:.1f} 1/s; slowest poles of the samp
 print(", ".join(f"{pole:.1f}" for pole in slowest))
 
 # %% [markdown]
-# In the sampled loop, P is half a sample less late than in the formula. So the triple pole splits, but the slowest pole
-# stays real.
+# (In the sampled loop the triple pole splits, because P is half a sample less late than in the formula.)
 #
-# The chart repeats the test over many delays, without load, noise or torque limit. The three rows of the table
-# overshoot far, or are unstable (triangles at the top). The equal poles do not overshoot.
+# The equal poles settle first, but they need the largest torque (*peak*): a weaker motor settles later. They also need
+# $J$, $b$ and the delay, the table only the experiment. And without an I term, a load leaves an error of
+# $\tau_L/K_p$.
 #
-# The equal poles need $J$, $b$ and the delay, the table only the experiment. And without an I term, a load leaves an
-# error of $\tau_L/K_p$.
+# The chart repeats the test over many delays. The three rows of the table overshoot far, or are unstable (triangles at
+# the top). The equal poles do not overshoot, because D acts on the measurement:
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
 
@@ -710,9 +704,8 @@ plt.show()
 
 # %% [markdown]
 # The remaining errors of the two controllers with the full model come from the hold: each torque is constant for a
-# sample while the arm moves on. Do not rank these two here: PD makes the elbow stiffer than computed torque does.
-# (Section 6 compares them at equal stiffness.) The model torque of PD with feed-forward belongs to the planned motion:
-# away from the plan, it is wrong.
+# sample while the arm moves on. (Section 6 compares these two at equal stiffness; here the PD gains are stiffer.) The
+# model torque of PD with feed-forward belongs to the planned motion: away from the plan, it is wrong.
 #
 # Computed torque uses the measured angles and rates. Let its model be exact, and put its torque into the equation of
 # motion: the velocity terms and gravity cancel. Both sides are then $M$ times an acceleration, so $M$ cancels, too.
@@ -841,15 +834,15 @@ plt.show()
 # | the acceleration | inertia |
 # | the whole torque | the motor's torque constant (torque per ampere) |
 # | the velocity | viscous friction |
-# | the jerk, the rate of the acceleration | a late command or a late measurement |
+# | the rate of the torque (for an inertia the **jerk**, the rate of acceleration) | a late command or measurement |
 # | the sign of the velocity | Coulomb friction |
 # | the cosine of the angle from the horizontal | gravity |
 # | the torque above a certain size | a torque limit |
 #
-# In a single sine, velocity and jerk have the same shape, so use a motion of several frequencies. With large
-# accelerations the first two rows look alike, because most of the torque is needed for the acceleration. To separate
-# them, hold the arm still against gravity, without an I term. There a wrong inertia causes no error, and a wrong torque
-# constant does. (So do a wrong gravity model and static friction.)
+# A payload changes inertia and gravity together. In a single sine, velocity and jerk have the same shape, so use a
+# motion of several frequencies. With large accelerations the first two rows look alike, because most of the torque is
+# needed for the acceleration. To separate them, hold the arm still against gravity, without an I term. There a wrong
+# inertia causes no error, and a wrong torque constant does. (So do a wrong gravity model and static friction.)
 #
 # <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
 #
@@ -941,21 +934,21 @@ for name, one in found.items():
     print(f"real change: {name:<18} named: {', '.join(one.causes)}, leaves {left:.2f} mN m")
 
 # %% [markdown]
-# Here is the relative error of the inertia from the equation with test functions (*integral form*, windows of 0.3 s)
-# and from second differences, under little and much noise:
+# Here is the relative error of the inertia under little and much noise. The *integral form* is the equation with test
+# functions, in windows of 0.3 s. You can also send all terms of the equation of motion through one low-pass filter, but
+# with a wrong cut-off frequency this fails. Raw second differences always fail:
 
 # %% tags=["hide-code"]
-print_figures("what_a_log_tells", "integral form", "second differences")
+print_figures("what_a_log_tells", "integral form", "all terms filtered", "second differences")
 
 # %% [markdown]
 # <details><summary>Noise, filters and causes, measured</summary>
 #
 # The chart varies the noise. On the left (relative error of the inertia), raw second differences (orange) are always
-# wrong, and the integral form (blue, windows of 0.3 s) stays accurate. Sending all terms through one low-pass filter
-# works, too (green, 10 Hz), but with the wrong cut-off frequency it lets the noise pass (pink, 40 Hz). The right chart
-# shows how often the true cause, and no other, is named. (*Constant* is the torque constant, *damping* is viscous
-# friction.) Only Coulomb friction (green) is often missed, under the largest noise. (Bands: from the best to the worst
-# of eight joints.)
+# wrong, and the integral form (blue) stays accurate. One low-pass filter for all terms works, too (green, 10 Hz), but
+# with the wrong cut-off frequency it lets the noise pass (pink, 40 Hz). The right chart shows how often the true
+# cause, and no other, is named. (*Constant* is the torque constant, *damping* is viscous friction.) Only Coulomb
+# friction (green) is often missed, under the largest noise. (Bands: from the best to the worst of eight joints.)
 #
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
 #
@@ -976,8 +969,8 @@ more_claims("inertia_by_differences")
 #
 # $$u = -Kx,\qquad K = (R + B^\mathsf{T}PB)^{-1}B^\mathsf{T}PA,\qquad P = Q + A^\mathsf{T}P\,(A - BK) .$$
 #
-# The last equation is the **Riccati equation**. You can solve it by repetition: start with $P = Q$, compute $K$, then
-# the next $P$.
+# The last equation is the **Riccati equation**. If commands can bring every motion to rest, you can solve it by
+# repetition: start with $P = Q$, compute $K$, then the next $P$.
 #
 # <details><summary>Derive: the gain and the Riccati equation</summary>
 #
@@ -999,9 +992,9 @@ more_claims("inertia_by_differences")
 # of these samples plus $x^\mathsf{T}Px$ of the last state, the cost of everything after it if no limit is reached
 # later.
 #
-# This is a **quadratic program**: a quadratic cost with linear equations and limits. Only the first command of
-# the plan is used; the next sample computes a new plan. Here is a mass of 1 kg that starts 4 m from its target, with
-# a motor of at most 1 N:
+# With a linear model, as here, this is a **quadratic program**: a quadratic cost with linear equations and limits.
+# Only the first command of the plan is used; the next sample computes a new plan. Here is a mass of 1 kg that starts 4
+# m from its target, with a motor of at most 1 N:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.8), layout="constrained")
@@ -1040,8 +1033,8 @@ _ = axes[0].legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# MPC plans 4 s ahead. The crosses are its plans at 0 s and at 1.5 s. The mass then moves along them, because the plans
-# contain the limit. MPC brakes fully one to two samples of 0.1 s earlier than clipped LQR, so it overshoots less.
+# MPC plans 4 s ahead. The mass moves along its plans (crosses), because they contain the limit. MPC brakes fully one
+# to two samples of 0.1 s earlier than clipped LQR, so it overshoots less.
 #
 # <details><summary>What MPC saves, and what it costs</summary>
 #
@@ -1102,9 +1095,9 @@ plt.show()
 
 # %% [markdown]
 # The motor of the next pendulum is too weak to lift it directly: it delivers at most a third of the torque that would
-# hold the pendulum level. The pendulum has to swing back and forth first, and the horizon must be long enough to show
-# that swinging is worth its cost. A sample is 0.1 s, a small swing back and forth takes 2 s. The bands are 95 %
-# confidence intervals from 20 runs per point:
+# hold the pendulum level. The pendulum has to swing back and forth first. The cost contains nothing for the time after
+# the horizon, so the horizon must be long enough to show that swinging is worth its cost. A sample is 0.1 s, a small
+# swing back and forth takes 2 s. The bands are 95 % confidence intervals from 20 runs per point:
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
@@ -1125,7 +1118,7 @@ more_claims("samples_find_the_plan")
 #
 # $$\boxed{\;F = M\,\ddot x + B\,\dot x + K\,(x - x_0)\;}$$
 #
-# You choose the virtual mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$, here along one axis.
+# You choose the virtual mass $M$, the damping $B$, the stiffness $K$ and the set-point $x_0$, here along one axis.
 # $F$ is the *external* force with which somebody moves the hand along the path $x(t)$. If $M$ is the arm's own mass,
 # the arm has no friction and gravity is compensated, the command is $-B\dot x-K(x-x_0)$.
 
@@ -1217,33 +1210,35 @@ show("damping_is_safe")
 
 # %% [markdown]
 # Proportional **force control** commands the desired force plus a gain $g$ (not gravity) times the force error. The
-# wall turns motion into force, so its stiffness multiplies the loop gain. If the delay is short compared with the
-# period of the hand on the wall, the limit is $g < b/(k_e\,(D + \tfrac12 dt))$: a stiffer wall allows less gain.
+# wall turns motion into force, so its stiffness multiplies the loop gain. Let the controller add no damping, and the
+# delay be short compared with the period of the hand on the wall. Then the limit is $g < b/(k_e\,(D + \tfrac12 dt))$: a
+# stiffer wall allows less gain.
 #
 # In admittance control, the position loop has to follow the virtual mass. At a stiff wall, a light virtual mass would
-# vibrate faster than this loop can follow. So a stiffer wall needs more virtual mass, up to nearly the arm's own mass
-# (lower chart).
+# vibrate faster than this loop can follow. So a stiffer wall needs more virtual mass or damping.
 #
-# The charts are for an arm of 4 kg with $b$ = 20 N s/m at 1 kHz. The upper left one has 2 ms of delay. In the lower
-# one, the hold is the only delay, and the position loop has 40 kN/m and 800 N s/m. The virtual damping is critical for
-# the virtual mass on a wall of 100 N/m, the softest one. On stiffer walls the same damping is weak:
+# The charts are for an arm of 4 kg with $b$ = 20 N s/m at 1 kHz, and the controllers know the exact rate. The upper
+# left one has 2 ms of delay. In the lower one, the hold is the only delay, the position loop has 40 kN/m and 800 N
+# s/m, and there is no virtual spring. At each point the virtual damping is critical for this virtual mass on a wall of
+# 100 N/m. On stiffer walls it is weak, so the mass has to rise to nearly the arm's own:
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# All walls of the upper right chart are pure springs. (*Own friction* means that the controller adds no damping.) Above
-# the limit of passivity, another passive wall can still make the arm unstable.
+# In the upper right chart, *own friction* means that the controller adds no damping. *Best active damping* allows the
+# most stiffness. (A rate from differences allows less, and so does a real arm, which bends.) Curves above the limit of
+# passivity hold for walls that are pure springs: some other passive wall makes the arm unstable.
 #
-# The upper left chart also shows MuJoCo. With a spring as the wall (crosses), the limit is right. Its soft contact has
-# another limit (green: the default `solimp`, $d$ = 0.9). At soft walls it rejects gains that are fine, and at stiff
-# walls it accepts gains that are far too high.
+# The upper left chart also shows MuJoCo. With a spring as the wall (crosses), the limit is right. Its soft contact is
+# set so that a resting hand sinks in as deep as into the wall. A share $d$ of the commanded force appears in the
+# measured force before the hand has moved. With $d$ = 0.9 (green; the default `solimp` rises from there to 0.95), the
+# contact rejects gains that are fine at soft walls, and accepts far too high ones at stiff walls. With $d$ = 0.02
+# (orange), the limit is nearly the wall's.
 #
 # <details><summary>Why the limit of a soft contact is different</summary>
 #
-# Both contacts of the chart are set so that a resting hand sinks in as deep as into the wall. The share $d$ of the
-# commanded force appears in the measured force in the same step, before the hand has moved. The force loop feeds it
-# back with the factor $-g\,d$, so above $g = 1/d$ the loop is unstable even at soft walls. Only the rest of the force
-# moves the hand, as if it were $1/(1 - d)$ times as heavy. With $d$ = 0.9 that is ten times, so at stiff walls the loop
-# through the wall is too weak. With $d$ = 0.02 (orange) the limit is nearly the wall's.
+# The force loop feeds the share $d$ back with the factor $-g\,d$, so above $g = 1/d$ the loop is unstable even at soft
+# walls. Only the rest of the force moves the hand, as if it were $1/(1 - d)$ times as heavy. With $d$ = 0.9 that is ten
+# times, so at stiff walls the loop through the wall is too weak.
 #
 # </details>
 
@@ -1258,8 +1253,7 @@ predict("softer_hand")
 
 # %% [markdown]
 # Energy explains the answer. Let $m$ be the mass that the surface feels at the hand, in this pose and direction. It
-# comes from the links and, if the gears are rigid, also from the rotors: in an arm with one joint, the rotor adds its
-# inertia times (gear ratio / lever arm)².
+# comes from the links. Behind rigid gears the rotors count, too, with the square of the gear ratio.
 #
 # This mass arrives with the energy $\tfrac12 m v^2$. Without damping, all of it is in the compressed surface at the
 # peak, $F^2/(2k_e)$. So the peak is
@@ -1291,9 +1285,8 @@ plt.show()
 
 # %% [markdown]
 # So where the controller is already much softer than what the arm hits, an even softer one does not lower the first
-# peak. It lowers the force with which the arm presses afterwards, for instance on a person at a wall. With little
-# damping, the hand bounces (right), under the soft controller for seconds. Against the first peak, reduce the speed or
-# the mass $m$, or pad the hand; against the bounces, add damping.
+# peak. It lowers the force with which the arm presses afterwards. Against the first peak, reduce the speed or the mass
+# $m$, or pad the hand; against the bounces (right), add damping.
 
 # %%
 more_claims("stiff_control_hurts")
@@ -1364,22 +1357,26 @@ plt.show()
 # ## 4 · Design: contact regimes and loop rates
 #
 # A contact task has three phases: free space, approach and contact. The table compares a usual controller of each
-# phase at the same wall of 10 kN/m, on a hand of 4 kg with a delay of 2 ms. *Lowest rate* is the lowest stable sample
-# rate, not a recommendation.
+# phase at the same wall of 10 kN/m, on a hand of 4 kg with a delay of 2 ms. *Lowest rate* is the lowest sample rate at
+# which the controller is stable in contact with this wall.
 #
 # For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-points of the stiff and the soft controller
-# move at this speed to 20 mm inside the wall. The force controller commands 10 N plus the gain times the force error,
-# minus the damping. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm nearer than expected.
+# move at this speed to 20 mm inside the wall. The force controller commands 10 N plus the gain times the force error.
+# The damping acts on the hand's velocity, so the hands arrive at different speeds. *Surface 2 mm off* is the change of
+# the steady force when the surface is 2 mm nearer than expected.
 
 # %% tags=["hide-code"]
 lines = [
-    "| regime | controller | damping [N s/m] | use | lowest rate | first peak | at rest | "
-    "surface 2 mm off |",
-    "|---|" + "---|" * 7,
+    "| regime | controller | damping [N s/m] | use | lowest rate | speed at the wall | first peak | "
+    "at rest | surface 2 mm off |",
+    "|---|" + "---|" * 8,
 ]
+touch_dt, touch_start = touch.DT, (-0.02, touch.SPEED)
+inwards = np.minimum(touch.SPEED * touch_dt * np.arange(800) - 0.02, 0.02)
+at_wall = replace(touch.ARM, wall=touch.WALL)
 for regime, name, use in (
     ("free space", "stiff position", "motion between waypoints"),
-    ("before contact", "soft impedance", "slow approach"),
+    ("approach", "soft impedance", "slow approach"),
     ("contact", "force", "pushing, insertion, wiping"),
 ):
     result, stiffness = touch.row(name), touch.REGIMES[name].stiffness
@@ -1387,20 +1384,25 @@ for regime, name, use in (
     if gain := touch.REGIMES[name].force_gain:
         spring_ = f", gain {gain:g}"
     rest = touch.REGIMES[name].force or touch.series_stiffness(touch.REGIMES[name], 0.02)
+    run = run_touch(
+        at_wall, touch.REGIMES[name], inwards, touch_dt, 0.8, delay=touch.DELAY, start=touch_start
+    )
+    arrival = run.v[int(np.argmax(run.torque > 0.0)) - 1]
     lines.append(
         f"| {regime} | {name}{spring_} | {touch.REGIMES[name].damping:.0f} | {use} | {result['rate_hz']:.0f} Hz | "
-        f"{result['peak_n']:.0f} N | {rest:.0f} N | {result['off_n']:+.1f} N |"
+        f"{arrival:.2f} m/s | {result['peak_n']:.0f} N | {rest:.0f} N | {result['off_n']:+.1f} N |"
     )
 bare = touch.first_peak(replace(touch.PRESS, damping=0.0))
 lines.append(
-    f"\nThe hand has its own friction of {touch.ARM.damping:.0f} N s/m. Without its damping, the force "
-    f"controller would speed the hand up before the wall, and the first peak would be {bare:.0f} N."
+    f"\nThe hand has its own friction of {touch.ARM.damping:.0f} N s/m. Without the damping of "
+    f"{touch.PRESS.damping:.0f} N s/m, the force controller would speed the hand up before the wall, and "
+    f"the first peak would be {bare:.0f} N."
 )
 Markdown("\n".join(lines))
 
 # %% [markdown]
 # The first peak of the stiff controller is its steady pressing (*at rest*), not the impact. A hand that coasts into the
-# wall at this speed has a peak of $v\sqrt{m k_e}$ = 20 N.
+# wall at 0.1 m/s has a peak of $v\sqrt{m k_e}$ = 20 N.
 #
 # <details><summary>The first peak against the stiffness of the controller</summary>
 #
@@ -1463,16 +1465,17 @@ plt.show()
 predict("delay_predicted")
 
 # %% [markdown]
-# In the charts below, all loops drive the joint with 10 ms of delay. Along each curve the poles get faster, up to the
-# last stable ones, and the torque noise grows. The *cascade* is a velocity loop with an I term inside a position loop.
-# The *observer with delay* has the delay in its model.
+# In the charts below, all loops drive the joint with 10 ms of delay. The left chart shows the error on a planned
+# motion; all loops except *PD* have a feed-forward of 90 % of the true torque. The right chart shows the error after a
+# load step of 1 N m. Along each curve the poles get faster, up to the last stable ones, and the torque noise grows.
 #
-# On the left, the feed-forward has 90 % of the true torque.
+# The *cascade* is a velocity loop with an I term inside a position loop, so it is a PID controller. The *observer with
+# delay* has the delay in its model. *Half the delay* predicts only 5 of the 10 ms.
 #
-# Compare the predictors with PD (on the left, with *PD + feed-forward*). At equal noise their error is larger than
-# PD's, or nearly equal where the poles are slow. They do not know the load (on the left, the missing 10 %), so their
-# prediction is wrong. *Half the delay* predicts only 5 of the 10 ms. *Observer with delay* reaches the smallest error:
-# it removes the load, and its model of the delay allows higher gains:
+# Compare the errors at equal noise. The predictors are no better than PD with the same feed-forward: their model does
+# not know the missing 10 %, or the load step. The cascade has the smallest error (on the right, the observer without
+# the delay in its model equals it). But it becomes unstable earlier than the observer with delay, which reaches a
+# smaller error at more noise:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1513,9 +1516,10 @@ more_claims(
 # %% [markdown]
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *The control hierarchy.* Draw the five levels, and say what sets each rate: the motor's electrical
-# time constant for the current, the delay margin for torque and position, contact stiffness for forces, the camera's
-# frame rate for poses, and computing time for the planner.
+# **Interview tip.** *The control hierarchy.* Draw the five levels, and say what sets each rate. Current: the motor's
+# electrical time constant. Torque and position: the stiffness that the task needs, and the delay that this stiffness
+# allows. Force: the contact stiffness, and the force gain that you want there. Pose: the camera's frame rate. Planner:
+# its computing time.
 #
 # <details><summary>"PID inside at 1 kHz, impedance around it at 1 kHz"</summary>
 #
@@ -1588,14 +1592,14 @@ simulation("joint", "Hunting")
 # A two-link arm with a payload of 0.5 kg follows one motion. The *right* model knows payload and friction, the *wrong*
 # model knows neither. The upper charts show the largest tracking error in the last 2 s against the sample rate. In the
 # upper right one, computed torque and half-sample preview coincide, and the purple triangles at the top are errors of
-# MPPI that are too large for the chart.
+# MPPI that are too large for the chart. (Each point of MPPI is one random run.)
 #
 # LQR, MPC and MPPI correct the deviation from the planned motion. *LQR along the path* linearises the model at every
 # sample of this motion, so it has one gain matrix per sample. MPC meets no limit, so its errors are LQR's.
 #
 # In the lower chart, only MPPI at 1 kHz computes for longer than the motion lasts (dotted line). Do not rank the others
-# by time: of the controllers in this chart, only preview is compiled as a whole. (*Pinocchio* and *MuJoCo* are preview
-# with these libraries.)
+# by time: only preview is compiled as a whole. (*Pinocchio* and *MuJoCo* are preview with these libraries, called from
+# Python at every sample.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1650,15 +1654,16 @@ Markdown("\n".join(lines))
 # The *elbow stiffness* of the table is the elbow's torque per radian of its error. For computed torque it is $K_p$
 # times the model's inertia.
 #
-# With the exact model and no noise, half-sample preview removes nearly all of computed torque's error.
+# At equal stiffness, PD with feed-forward has a smaller error than plain computed torque, with both models. With the
+# exact model and no noise, half-sample preview removes nearly all of computed torque's error.
 #
 # With the wrong model, the table mostly ranks the stiffness. LQR is the stiffest, because neither delay nor noise
-# limits its gains here; its small error is not robustness. Even with adaptation off, the stiffer adaptive law has a far
-# smaller error than computed torque. Adaptation reduces it further.
+# limits its gains here; its small error is not robustness. With the sample rate it gets stiffer, so its error falls.
+# Even with adaptation off, the stiffer adaptive law has a far smaller error than computed torque.
 #
 # <details><summary>PD with gravity compensation and computed torque at equal stiffness</summary>
 #
-# PD is seven times as stiff at the elbow as computed torque. This chart compares the two at equal stiffness. (The
+# In the table, PD is stiffer at the elbow than computed torque. This chart compares the two at equal stiffness. (The
 # axes differ, because the wrong model has less mass.) With the wrong model, computed torque is worse by a factor
 # below two. With the right one it is better by a factor above a hundred:
 #
@@ -1685,8 +1690,7 @@ Markdown("\n".join(lines))
 # * Unknown load torque: an I term or a disturbance observer.
 # * Unknown payload on a moving arm: identify it, or use adaptive control with bounds on its estimate.
 # * The command reaches the torque limit, or the cost is not a tracking error: plan ahead. Use MPC if a linear model
-#   is good enough, otherwise MPC with the nonlinear model, or MPPI where that model has no useful gradient, such as
-#   in contact.
+#   is good enough, otherwise MPC with the nonlinear model, or MPPI without a useful gradient, often in contact.
 #
 # ## 7 · Debug: what a simulator hides
 #
@@ -1736,7 +1740,7 @@ plt.show()
 # </details>
 #
 # MuJoCo evaluates its position servo in every physics step. So its limits differ from those of sampled PD (dashed in
-# the right chart of *Stable PD gains*), and depend on the integrator.
+# the right chart of *Stable PD gains*), and depend on MuJoCo's integrator (*Euler*, *implicitfast* or *discrete*).
 #
 # <details><summary>How the integrator changes the servo's limits</summary>
 #
@@ -1748,8 +1752,7 @@ plt.show()
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A simulator's actuator, contact and friction are models with time constants of their own. If the
-# simulator's servo computes the torque, your gains fit the simulator's loop, not the robot's.
+# **Key insight.** If the simulator's servo computes the torque, your gains fit the simulator's loop, not the robot's.
 #
 # </div>
 
@@ -1803,11 +1806,11 @@ plt.show()
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
-# | constant oscillation (A) | unstable loop, torque limit | growth of the matrix; halve gains | lower gains, less delay |
+# | constant oscillation (A) | unstable loop at its torque limit; backlash, encoder counts | halve gains: only the first calms down | lower gains, less delay |
 # | slow oscillation with pauses (B) | hunting | switch off the I term | stop the I term while the error is small; friction compensation |
 # | torque noise at rest (C) | encoder counts times $K_d$ | plot the encoder counts at rest | filter, observer; longer sample time if the delay allows |
 # | large overshoot after saturation (D) | windup | plot the command; try anti-windup | anti-windup |
-# | stable in simulation only | the simulator's hold or delay | ten steps, loop outside | tune with the true delay |
+# | stable in simulation only | the simulator's hold or delay | ten steps per sample, your own controller | tune with the true delay |
 #
 # <div class="alert alert-block alert-danger">
 #
@@ -1905,9 +1908,8 @@ check(computed_torque)
 # %% [markdown]
 # ### Friction compensation
 #
-# Computed torque does not cancel the friction of gears and bearings. A **friction compensation** adds this torque in
-# the direction of the motion. It uses the rate of the reference, because noise changes the sign of a measured rate at
-# rest.
+# A **friction compensation** adds the friction torque of gears and bearings, in the direction of the motion. It uses
+# the rate of the reference, because noise changes the sign of a measured rate at rest.
 
 # %%
 card("friction_torque")
@@ -1990,9 +1992,8 @@ check(mppi_step)
 # %% [markdown]
 # ### Standing on an incline
 #
-# A biped on a slope needs contact forces that carry its weight. Each force must lie in its **friction cone**: its
-# tangential part is at most $\mu$ times its normal part. The joint torques have limits, too. A quadratic program, as
-# in MPC, finds the forces of the lowest cost within these limits.
+# A biped on a slope needs contact forces that carry its weight, within their **friction cones** and the torque limits
+# of its joints. In the plane, a quadratic program finds the cheapest ones.
 #
 # <details><summary>Active limits and multipliers</summary>
 #
@@ -2100,12 +2101,9 @@ your_robot(6)
 # ## 9 · Frontier: learned controllers
 #
 # A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} + \pi_\theta(x)$.
-# Here $\pi_\theta$ is a function with learned numbers $\theta$. Its input $x$ is often the state. Residual policy
-# learning (Silver and others, arXiv 1812.06298) uses reinforcement learning (chapter 9). The example below fits data
-# instead.
-#
-# The torque missing for an unknown payload depends on the acceleration, too. So here $x$ also contains the
-# accelerations that computed torque requests.
+# Here $\pi_\theta$ is a function with learned numbers $\theta$. Its input $x$ is often the state. But the torque
+# missing for an unknown payload depends on the acceleration, too. So here $x$ also contains the accelerations that
+# computed torque requests.
 
 # %%
 predict("taught_elsewhere")
@@ -2132,11 +2130,12 @@ print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:
 # form of the arm's equations, and it goes on adapting. Its gains are also higher, so the numbers do not rank learning
 # against adaptation.
 #
-# <details><summary>Five works to read</summary>
+# <details><summary>Six works to read</summary>
 #
 # | work | year | idea |
 # |---|---|---|
 # | Slotine and Li | 1987 | adapts the parameters of the model, with a proof: the baseline |
+# | Residual policy learning (Silver and others, arXiv 1812.06298) | 2018 | learns the correction by reinforcement (chapter 9) |
 # | Actuator nets (Hwangbo and others, Science Robotics) | 2019 | a network models the motor drive inside a simulator |
 # | RMA (Kumar and others, RSS) | 2021 | a policy infers the changed dynamics from recent observations |
 # | Neural-Fly (O'Connell and others, Science Robotics) | 2022 | features learned before, weights adapted in flight |
@@ -2148,8 +2147,8 @@ print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:
 more_claims("residual_learning_is_faster", "residual_of_the_state")
 
 # %% [markdown]
-# Here MPPI plans with MuJoCo as the model, and raises the arm. Then we raise the price of torque, and the arm lets
-# itself fall:
+# A planner needs no new training when the task changes. Here MPPI plans with MuJoCo and raises the arm. Then we raise
+# the price of torque, and the arm lets itself fall:
 
 # %% tags=["show-code"]
 body, arm = TwoLink(gravity=9.81).chain(), TwoLink(gravity=9.81)

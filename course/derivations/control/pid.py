@@ -84,7 +84,7 @@ def integral_clamp(result):
 
     result.statement_holds(
         wide < 0.5 * free and slow_clamped < 0.5 * slow_free,
-        only_if="the range is just what the load needs, a few hundredths above it, and the load "
+        only_if="the range is a few per cent above what the load needs, and the load "
         "is known and constant",
         inside=[cured(share) for share in result.rng.uniform(1.0, 1.04, 8)],
         outside=[cured(share) for share in (0.7, 0.8, 0.9, 2, 3, 4, 5, 6)],

@@ -108,7 +108,7 @@ def filtered_rate_is_late(result):
 
 
 @claim(
-    "Half of the ultimate gain leaves a gain margin of two.",
+    "With P alone, half of the ultimate gain leaves a gain margin of two.",
     "But it leaves little phase margin. For delays of {low:g} to {high:g} times J/b the "
     "smallest phase margin is {phase_deg:.0f} degrees, and a step overshoots by {least:.0%} "
     "to {most:.0%}.",

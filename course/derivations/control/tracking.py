@@ -12,8 +12,9 @@ SYMBOLS = {
 
 
 @claim(
-    "With an exact model and without a hold, tau = M(q) (q_d'' + Kd e' + Kp e) + C(q, q') q' + "
-    "g(q) makes the error obey e'' + Kd e' + Kp e = 0.",
+    "With an exact model and exact measurements, and without delay, hold or torque limit, "
+    "tau = M(q) (q_d'' + Kd e' + Kp e) + C(q, q') q' + g(q) makes the error obey "
+    "e'' + Kd e' + Kp e = 0.",
     "C and g are those of the measured state, and the gains stand inside M. A hold makes it true "
     "only at the instant of the measurement. If the PD terms are added outside M, an error of one "
     "joint also accelerates the others: by {outside:.0%} of its own acceleration, in the "
@@ -163,7 +164,7 @@ def error_follows_acceleration(result):
 
 
 @claim(
-    "If adaptive control tracks well, this proves that it has found the true parameters.",
+    "Good tracking alone proves that adaptive control has found the true parameters.",
     "It finds torques that track, and tracking does not need the true parameters. After "
     "{seconds:.0f} s at a constant target the angles are right and the parameters "
     "{still:.0%} off. On the chapter's motion the error falls to {error_mrad:.1f} mrad, "
