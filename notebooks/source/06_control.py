@@ -33,7 +33,7 @@ simulation("joint")
 # * choose a controller for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# In the simulation, *settled* means that the error stays below 2 % of the step. *Growth* and margins follow below. You
+# In the simulation, *settled* means that the error stays below 2 % of the step. The other readouts follow below. You
 # need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
@@ -934,9 +934,9 @@ for name, one in found.items():
     print(f"real change: {name:<18} named: {', '.join(one.causes)}, leaves {left:.2f} mN m")
 
 # %% [markdown]
-# Here is the relative error of the inertia under little and much noise. The *integral form* is the equation with test
-# functions, in windows of 0.3 s. You can also send all terms of the equation of motion through one low-pass filter, but
-# with a wrong cut-off frequency this fails. Raw second differences always fail:
+# Here is the relative error of the inertia under little and much noise, for the equation with test functions (*integral
+# form*, windows of 0.3 s), for one low-pass filter on all terms, and for raw second differences. The filter needs the
+# right cut-off frequency:
 
 # %% tags=["hide-code"]
 print_figures("what_a_log_tells", "integral form", "all terms filtered", "second differences")

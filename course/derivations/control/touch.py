@@ -84,15 +84,15 @@ def force_gain_is_free(result):
     "For an impedance controller without damping, the largest stable stiffness depends mainly "
     "on the wall.",
     "It depends mainly on friction and delay. Any stiffness up to {formula} is stable at every "
-    "wall. For a friction b of {b:g} N s/m at {rate_hz:.0f} Hz that bound is {bound:.0f} N/m, "
-    "and {late:.0f} N/m with {delay_ms:.0f} ms of delay. At walls from {soft:.0e} to {stiff:.0e} "
-    "N/m the exact limit is at most {spread:.0%} above the bound without delay. With the delay "
-    "it is at most {late_soft:.0%} above it up to {middle:.0e} N/m, and {late_stiff:.0%} at the "
-    "stiffest wall.",
+    "passive wall. For a friction b of {b:g} N s/m at {rate_hz:.0f} Hz that bound is {bound:.0f} "
+    "N/m, and {late:.0f} N/m with {delay_ms:.0f} ms of delay. At walls from {soft:.0e} to "
+    "{stiff:.0e} N/m the exact limit is at most {spread:.0%} above the bound without delay. With "
+    "the delay it is at most {late_soft:.0%} above it up to {middle:.0e} N/m, and "
+    "{late_stiff:.0%} at the stiffest wall.",
     ask=(
         "An arm with friction b is controlled as a spring of stiffness K. Commands are held for dt "
         "and come D late. The controller has no damping. Up to which K does passivity guarantee "
-        "stability at every wall?",
+        "stability at every passive wall?",
         "K < 2*b/(dt + 2*D)",
         {
             "2*b/dt": "The delay counts as well, and double: a hold is half a sample.",

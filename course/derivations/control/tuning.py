@@ -694,7 +694,7 @@ def one_gain_one_symptom(result):
     "{share:g} m g l. The linear model says {share:g}.",
     ask=(
         "Inverted pendulum at rest at the angle theta from upright, mass m at the distance l, "
-        "torque at most u. Up to which angle can it be caught?",
+        "torque at most u < m g l. For which theta can it be caught without swinging?",
         "theta < asin(u/(m*g*l))",
         {
             "u/(m*g*l)": "That is the linear pendulum's.",
