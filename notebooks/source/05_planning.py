@@ -225,8 +225,7 @@ show("one_dimension_a_joint")
 #    that, go exactly to the sample.
 # 4. *Check* the new edge for collisions. If it is free, add the new node and store the nearest node as its parent.
 # 5. If the goal has become a node, follow the parents back to the start. This is the path.
-#
-# Only the collision check in step 4 knows about obstacles.
+
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 4, figsize=(10, 2.8), layout="constrained")
@@ -2044,9 +2043,9 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# At 0.05 rad and at this shelf, our batches beat the same points one by one, but not the proof. (With VAMP's spheres
-# among balls, see below, they do.) They have two limits. Larger spheres reject free edges (third plot). And a collision
-# can fall between two points.
+# At 0.05 rad and at this shelf, our batches beat the same points one by one, but not the proof. (With VAMP's spheres,
+# below, they do.) They have two limits. Larger spheres reject free edges (third plot). And a collision can fall between
+# two points.
 #
 # Let $h$ be the spacing and $c$ the length of the stretch of the edge that collides. If $h \le c$, a point always hits.
 # If $h > c$, points with a random offset miss with probability $1 - c/h$. The fourth plot shows this for a pole 8 mm
