@@ -1,8 +1,9 @@
 """Which known mistake explains a wrong answer.
 
-Four sources, in this order: a check or the answers of a function show it by their values; a slip's
+Five sources, in this order: a check or the answers of a function show it by their values; a slip's
 own text, asked the same, gives what came back; some parts are right and others never are; the
-worked answer with other arguments or with one step changed gives what came back.
+worked answer with other arguments or with one step changed gives what came back; what all wrong
+results have in common is said (`drills.patterns`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills import patterns
 from drills.attempt import Attempt, Place, Step, request
 from drills.exercise import Exercise
 from drills.hypotheses import hypothesis, rough
@@ -52,8 +54,16 @@ def diagnosis(attempt: Attempt, graded: Exercise) -> tuple[str, str]:
         return "one_part_right", attempt.in_part
     if report.reason is not Reason.WRONG_VALUE:
         return "", ""  # the reason says it: None, a shape, an exception
-    name, sentence = hypothesis(attempt, graded)
-    return (name, sentence) if name else rough(attempt.answers)
+    for explain in (
+        lambda: hypothesis(attempt, graded),
+        lambda: patterns.form(attempt),
+        lambda: rough(attempt.answers),
+        lambda: patterns.division(attempt),
+    ):
+        name, sentence = explain()
+        if name:
+            return name, sentence
+    return "", ""
 
 
 def matched(attempt: Attempt, graded: Exercise) -> str:

@@ -89,7 +89,22 @@ def rough(answers: Sequence[Answer]) -> tuple[str, str]:
             f"Wrong in the case{'s' * (len(wrong) > 1)} {names} and right in all the others: what "
             "is special there is not handled."
         )
-    return "", ""
+    return _labels(answers, wrong)
+
+
+def _labels(answers: Sequence[Answer], wrong: Sequence[Answer]) -> tuple[str, str]:
+    """Return a sentence on the kinds of case that are right where all the others are wrong."""
+    failed = {a.case.label for a in wrong}
+    # No numbers at all are right by themselves.
+    passed = [a.case.label for a in answers if all(a.right) and any(t.size for t in a.truth)]
+    right = sorted(set(passed))
+    if len(passed) < 2 or failed & set(passed) or len(right) > 4:
+        return "", ""
+    names = listed([f'"{label}"' for label in right], "and")
+    return "some_cases_only", (
+        f"Right in the case{'s' * (len(right) > 1)} {names} and wrong in all the others: what you "
+        "compute wrongly makes no difference there."
+    )
 
 
 def _telling(wrong: Sequence[Answer]) -> bool:
@@ -343,8 +358,8 @@ def _arguments(
 
 def _instead(name: str) -> Iterator[tuple[str, Callable[[Any], Any]]]:
     """Yield phrase and change of one argument."""
-    yield f"for `{name}` of 0: it seems to be left out", np.zeros_like
-    yield f"for `{name}` of 1: it seems to be left out", np.ones_like
+    yield f"for `{name}` of 0, as if it were left out", np.zeros_like
+    yield f"for `{name}` of 1, as if it were left out", np.ones_like
     yield f"for `{name}` with the other sign", np.negative
     yield f"for `{name}` without its sign", np.abs
     yield f"for `{name}` upside down, 1 over it", np.reciprocal
@@ -367,6 +382,16 @@ def _instead(name: str) -> Iterator[tuple[str, Callable[[Any], Any]]]:
     yield f"for the largest of `{name}`, for all", lambda x: np.full_like(x, x.max())
     yield f"for `{name}` sorted", lambda x: np.sort(x, axis=0)
     yield f"for `{name}` with its columns in reverse order", lambda x: x[:, ::-1]
+    for length in (2, 3, 4):
+        for order in itertools.permutations(range(length)):
+            text = ", ".join(map(str, order))
+            yield f"for `{name}` with its components in the order {text}", partial(_ordered, order)
+
+
+def _ordered(order: tuple[int, ...], x: Array) -> Array:
+    if x.ndim != 1 or len(x) != len(order):
+        raise TypeError
+    return x[list(order)]
 
 
 def _transposed(x: Array) -> Array:
@@ -384,7 +409,7 @@ def _steps(
     """Yield name, sentence and results of the worked answer with one step changed."""
     text = attempt.card.solution_text()
     names = {v.name for v in attempt.card.signatures[0].arguments}
-    for phrase, changed, touched in mutants(text):
+    for phrase, changed, touched in itertools.chain(mutants(text), pairs(text)):
         try:
             place = InProcess(changed, graded.given)
         except Exception:  # not every change of a text is Python
@@ -431,6 +456,30 @@ def mutants(text: str) -> Iterator[tuple[str, str, set[str]]]:
                     yield phrase, changed, touched
         yield from _statements(tree, function)
         yield from _everywhere(tree, function)
+
+
+# What is often done wrong in two places at once: the words for one place and for two.
+TWICE = {
+    "with one sign turned": "with two signs turned",
+    "if one difference is taken the wrong way round": (
+        "if two differences are taken the wrong way round"
+    ),
+    "with a sine in place of a cosine": "with a sine in place of a cosine in two places",
+    "with a cosine in place of a sine": "with a cosine in place of a sine in two places",
+    "if one entry of a list is left out": "if two entries of a list are left out",
+}
+
+
+def pairs(text: str) -> Iterator[tuple[str, str, set[str]]]:
+    """Yield the worked answer with the same change made in two places, as `mutants` does."""
+    yielded = {ast.unparse(ast.parse(text))}
+    for phrase, changed, touched in mutants(text):
+        if phrase not in TWICE:
+            continue
+        for other, twice, also in mutants(changed):
+            if other == phrase and twice not in yielded:
+                yielded.add(twice)
+                yield TWICE[phrase], twice, touched | also
 
 
 def _everywhere(tree: ast.Module, function: ast.FunctionDef) -> Iterator[tuple[str, str, set[str]]]:
@@ -499,6 +548,11 @@ def _instead_of(node: ast.expr) -> Iterator[tuple[str, ast.expr]]:
         yield "if a special case is not treated, or is treated always", node.orelse
     elif isinstance(node, ast.Call):
         yield from _instead_of_call(node)
+    elif isinstance(node, ast.Tuple | ast.List) and len(node.elts) > 2:
+        if isinstance(node.ctx, ast.Load):
+            for i in range(len(node.elts)):
+                rest = node.elts[:i] + node.elts[i + 1 :]
+                yield "if one entry of a list is left out", type(node)(rest, node.ctx)
     elif isinstance(node, ast.Attribute) and node.attr == "T":
         yield "if one matrix is not transposed", node.value
     elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
@@ -512,6 +566,7 @@ def _instead_of_operation(node: ast.BinOp) -> Iterator[tuple[str, ast.expr]]:
         yield "with one sign turned", ast.BinOp(left, turned, right)
         if isinstance(op, ast.Sub):
             yield "if one difference is taken the wrong way round", ast.BinOp(right, op, left)
+        yield from _brackets(node)
         yield "if one term of a sum is left out", left
         minus = isinstance(op, ast.Sub)
         yield (
@@ -519,6 +574,14 @@ def _instead_of_operation(node: ast.BinOp) -> Iterator[tuple[str, ast.expr]]:
             ast.UnaryOp(ast.USub(), right) if minus else right,
         )
     elif isinstance(op, ast.Mult):
+        for factor, total in ((left, right), (right, left)):
+            if isinstance(total, ast.BinOp) and isinstance(total.op, ast.Add | ast.Sub):
+                for first, last in (
+                    (ast.BinOp(factor, op, total.left), total.right),
+                    (total.left, ast.BinOp(factor, op, total.right)),
+                ):
+                    new = ast.BinOp(first, total.op, last)
+                    yield "if a factor of a whole sum is a factor of one term only", new
         yield "if one factor is left out", left
         yield "if one factor is left out", right
         yield "if one factor divides instead of multiplying", ast.BinOp(left, ast.Div(), right)
@@ -543,6 +606,25 @@ def _instead_of_operation(node: ast.BinOp) -> Iterator[tuple[str, ast.expr]]:
         )
         yield "if one factor is left out", left
         yield "if one factor is left out", right
+
+
+def _brackets(node: ast.BinOp) -> Iterator[tuple[str, ast.expr]]:
+    """Yield a sum in which a factor of one term is a factor of the next one too."""
+    left, op, right = node.left, node.op, node.right
+    phrase = "if a factor of one term is a factor of the next one too"
+    if isinstance(left, ast.BinOp) and isinstance(left.op, ast.Mult):
+        yield phrase, ast.BinOp(left.left, left.op, ast.BinOp(left.right, op, right))
+    if isinstance(left, ast.BinOp) and isinstance(left.op, ast.Add | ast.Sub):
+        last = left.right
+        if isinstance(last, ast.BinOp) and isinstance(last.op, ast.Mult):
+            inner = op
+            if isinstance(left.op, ast.Sub):
+                inner = ast.Sub() if isinstance(op, ast.Add) else ast.Add()
+            both = ast.BinOp(last.left, last.op, ast.BinOp(last.right, inner, right))
+            yield phrase, ast.BinOp(left.left, left.op, both)
+    if isinstance(right, ast.BinOp) and isinstance(right.op, ast.Mult):
+        inside = ast.BinOp(left, op, right.right)
+        yield phrase, ast.BinOp(inside, right.op, right.left)
 
 
 def _instead_of_call(node: ast.Call) -> Iterator[tuple[str, ast.expr]]:

@@ -48,7 +48,8 @@ def test_a_mistake_that_spares_a_case_is_still_named() -> None:
     assert grade_here("fk3", spared, seed=3).slip == "absolute_angles"
     # What is right but for a few cases of its own is not one of the slips.
     few = FK3.replace(ANGLES, f"({ANGLES} if lengths.max() < 1.3 else 2.0 * thetas)")
-    assert grade_here("fk3", few, seed=3).slip == ""
+    slips = {slip.name for slip in exercises.of("fk3").slips}
+    assert grade_here("fk3", few, seed=3).slip not in slips
 
 
 def test_a_time_out_is_not_blamed_on_bounces_that_there_are_not() -> None:

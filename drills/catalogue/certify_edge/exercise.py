@@ -169,9 +169,12 @@ def explain(answers: Sequence[Answer]) -> str:
     moving = [a for a in answers if a.case.args[0].move.any()]
     rows = [np.round(a.case.args[0].shares, 6) for a in moving]
     longest: Any = max(rows, key=len, default=np.zeros(0))
-    if not all(all(a.right) for a in answers):
-        if len(longest) and all(np.isin(row, longest).all() for row in rows):
+    # Where no collision ends the search, the same poses are evaluated on every edge.
+    free = [row for a, row in zip(moving, rows, strict=True) if np.all(np.equal(a.parts[0], 1))]
+    if len(longest) and all(np.isin(row, longest).all() for row in rows):
+        if all(len(row) == len(longest) for row in free):
             return "fixed_spacing" if len(longest) > 1 else "middle_only"
+    if not all(all(a.right) for a in answers):
         return ""
     long = [row for row in rows if len(row) > 3]
     if not long:

@@ -165,6 +165,12 @@ SLIPS = slips(
         "step, G, P = A.T, B",
         "A is transposed throughout. That solves the dual problem, the gain of an estimator.",
     ),
+    transposed_in_the_equation=(
+        "step, G, P = A, B",
+        "step, G, P = A.T, B",
+        "P solves the Riccati equation of the transposed A, as an estimator needs it. The cost of "
+        "a regulator comes from A itself.",
+    ),
     weights_of_commands_ignored=(
         "R = np.asarray(Q, dtype=float), np.asarray(R, dtype=float)",
         "R = np.asarray(Q, dtype=float), np.eye(len(R))",

@@ -136,6 +136,12 @@ SLIPS = slips(
         "The rate of a link is taken from its own joint alone. It turns with all joints before it "
         "as well: sum the rates up to it. (This loses the Coriolis terms.)",
     ),
+    squares_added_up=(
+        _SUMS,
+        "angle, turning = np.cumsum(q), np.cumsum(a)\n    rate = np.sqrt(np.cumsum(np.square(v)))",
+        "The squares of the joint rates are added up. Square the sum: a link turns with the sum of "
+        "the rates up to it.",
+    ),
     accelerations_relative=(
         _SUMS,
         "angle, rate, turning = np.cumsum(q), np.cumsum(v), np.asarray(a)",

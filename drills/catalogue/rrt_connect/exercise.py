@@ -75,6 +75,14 @@ _FREE = "if not edge_is_free(nodes[near], new, discs):"
 _STACK = "path = np.vstack((halves[0][::-1], halves[1][1:]))"
 
 SLIPS = slips(
+    blocked_steps_taken_back=(
+        "discs):\n                return False",
+        "discs):\n                if greedy:\n"
+        "                    del nodes[len(offsets) :], parents[len(offsets) :]\n"
+        "                return False",
+        "Where the other tree is blocked on its way, its steps up to there are thrown away. They "
+        "are free and belong to the tree: the next connection may begin at them.",
+    ),
     one_step_only=(
         _MEET,
         "if grow(tree, sample, False) and grow(other, tree[0][-1], False) and "
