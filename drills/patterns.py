@@ -165,10 +165,10 @@ def _scalars(row: Wrong) -> Named:
         if x.ndim > 0:
             plain[f"len({name})"] = np.asarray(float(len(x)))
         if x.ndim == 1:
-            plain[f"norm({name})"] = np.asarray(np.linalg.norm(x))
+            plain[f"norm({name})"] = np.asarray(np.linalg.norm(x), dtype=float)
             plain[f"sum({name})"] = np.asarray(x.sum())
     if row.truth.ndim == 1:
-        plain["norm(result)"] = np.asarray(np.linalg.norm(row.truth))
+        plain["norm(result)"] = np.asarray(np.linalg.norm(row.truth), dtype=float)
         plain["sum(result)"] = np.asarray(row.truth.sum())
     return plain
 
@@ -336,8 +336,10 @@ def _kept(wrong: Sequence[Wrong], in_every: str) -> Said:
         if all_near([np.sort(x, axis=None) for x in got], [np.sort(x, axis=None) for x in truth]):
             return "other_order", f"{in_every} has the right numbers, in another order."
     if all(x.ndim == 1 and len(x) > 1 for x in truth):
-        lengths = [np.asarray(np.linalg.norm(x)) for x in truth]
-        if _varies(lengths) and all_near([np.asarray(np.linalg.norm(x)) for x in got], lengths):
+        lengths = [np.asarray(np.linalg.norm(x), dtype=float) for x in truth]
+        if _varies(lengths) and all_near(
+            [np.asarray(np.linalg.norm(x), dtype=float) for x in got], lengths
+        ):
             return "length_right", f"{in_every} has the right length and the wrong direction."
     return None
 

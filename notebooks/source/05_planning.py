@@ -200,9 +200,8 @@ show("tip_path_then_ik")
 
 # %% [markdown]
 # How many dimensions does the space have? Count the independent joints, not the coordinates of the hand. A hand pose
-# has six coordinates, and an arm with seven joints can hold one pose with a whole family of configurations. And the
-# space is not simply a box. As the right half of the last picture shows, a joint without limits needs a distance that
-# knows about wrapping, or the planner takes the long way round.
+# has six coordinates, and an arm with seven joints can hold one pose with a whole family of configurations. And a joint
+# without limits needs a distance that knows about wrapping, or the planner takes the long way round.
 
 # %%
 show("one_dimension_a_joint")
@@ -347,7 +346,7 @@ plt.show()
 # An arm that turns has no such formula. But **conservative advancement**, drawn on the right of the sketch above, gives
 # a guarantee. Measure the distance $g$ between the arm and the nearest obstacle. If no point of the arm can move
 # farther than $g$ during the next stretch of the motion, that stretch is free. Go to the end of that stretch, measure
-# again, and repeat. (The sketch shows a single point, for which the gap is a circle.)
+# again, and repeat.
 #
 # How far can a point of the arm move? Let the edge lead from $q$ to $q + \Delta q$, and let $\lambda$ be the share of
 # the edge that is done, from 0 to 1. When joint $i$ turns by $\Delta q_i$, a point at a distance $r$ from that joint
@@ -472,11 +471,11 @@ predict("both_ends_of_a_slit")
 simulation("growing", "Narrow gap")
 
 # %% [markdown]
-# The picture shows one run of each. The number of samples varies enormously from seed to seed, so two single runs prove
-# nothing; try several. A comparison needs its settings, the spread over many seeds, path lengths before and after
-# shortening, and a fair unit: one sample of RRT-Connect may cost many edge checks. Here is one: a square of 10 m, a
-# wall of 0.5 m, steps of 1 m, a goal bias of 5 % for RRT, exact edge checks, a goal that has to be connected, 100
-# seeds.
+# The sketch with the bug trap shows one run of each. The number of samples varies enormously from seed to seed, so two
+# single runs prove nothing; try several. A comparison needs its settings, the spread over many seeds, path lengths
+# before and after shortening, and a fair unit: one sample of RRT-Connect may cost many edge checks. Here is one: a
+# square of 10 m, a wall of 0.5 m, steps of 1 m, a goal bias of 5 % for RRT, exact edge checks, a goal that has to be
+# connected, 100 seeds.
 
 # %% tags=["hide-code"]
 lines = [
@@ -506,10 +505,9 @@ for name, title in (("rrt", "RRT"), ("rrt_connect", "RRT-Connect")):
 table(*lines)
 
 # %% [markdown]
-# A narrower gap lengthens the search and shrinks the advantage of RRT-Connect, which is smaller in edge checks than in
-# samples: at the 2 % gap the medians of the edge checks are nearly equal. (Our RRT also tries an edge to the goal from
-# each new node near it, without a sample.) After shortening (section 3) both planners return practically the shortest
-# path in this scene.
+# A narrower gap lengthens the search and shrinks the advantage of RRT-Connect. In edge checks the advantage is smaller
+# than in samples: at the 2 % gap the medians of the edge checks are nearly equal. (Our RRT also tries an edge to the
+# goal from each new node near it, without a sample.)
 
 # %%
 more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
@@ -530,8 +528,8 @@ simulation("growing", "Bug trap")
 # The second idea is to place samples where passages are. A **bridge test** samples two nearby configurations. If *both*
 # collide and the midpoint between them is free, it keeps the midpoint, which is then likely to lie in a passage. A
 # **Gaussian sampler** asks for less: exactly one of the two must collide, and the other one is kept, so its samples
-# follow every surface. (On the right below, dots outside the corridor are uniform samples, taken after 100 failed
-# bridge tests.)
+# follow every surface. (On the right below, dots outside the corridor are uniform samples: one is taken whenever 100
+# bridge tests in a row have failed.)
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
@@ -601,9 +599,9 @@ plt.show()
 # A planner is **asymptotically optimal** if the length of its best path converges to the optimum with probability one.
 # The path of RRT\* never gets longer, since a node changes its parent only for a shorter path. For convergence to the
 # optimum, two conditions are enough. First, the radius must not shrink too fast as the number $n$ of nodes grows: in
-# $d$ dimensions, a later proof uses $(\log n/n)^{1/(d+1)}$ with a large enough factor; the original paper used the
-# exponent $1/d$. Second, paths with clearance must come close to the shortest one, because no random sample falls into
-# a gap of zero width.
+# $d$ dimensions, the original paper used $(\log n/n)^{1/d}$, but its proof has a gap; a later proof needs the exponent
+# $1/(d+1)$ and a large enough factor. Second, some paths with clearance must be hardly longer than the shortest one: no
+# random sample falls into a gap of zero width.
 
 # %%
 show("rrt_star_converges")
@@ -626,8 +624,8 @@ show("rrt_star_converges")
 # 30, 100 and 300.
 #
 # The circle (*pick*) marks the fastest setting whose median is within 5 % of the optimum. It lies on that curve in both
-# scenes: at 0 attempts around the disc, at 10 at the gap. A smaller tolerance can change the winner: at the gap,
-# Informed RRT\* comes closer to the optimum than shortcuts from about 2 ms on. (PRM\* is explained in the next part.)
+# scenes. A smaller tolerance can change the winner: at the gap, Informed RRT\* is closer to the optimum from about 2 ms
+# on. (PRM\* is explained in the next part.)
 
 # %%
 more_claims("informed_rrt_star")
@@ -834,8 +832,8 @@ table(*rows)
 #
 # ### Smoothing and trajectory optimisation
 #
-# A **B-spline** is a smooth curve made of polynomial pieces; here it replaces corners. It leaves the edges that were
-# checked, so it has to be checked again; where it collides, the corner stays.
+# A **B-spline** is a smooth curve made of polynomial pieces; here it replaces corners. It departs from the edges that
+# were checked, so it has to be checked again; where it collides, the corner stays.
 #
 # An **optimiser** takes a whole trajectory and deforms it to reduce a cost. **CHOMP** (Zucker and others 2013) follows
 # the gradient of a smoothness cost plus an obstacle cost, and spreads each change over the neighbouring waypoints so
@@ -909,8 +907,8 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 #
 # Let $s$ grow along the path, and let $q(s)$ be the configuration at $s$, with the derivatives $q'$ and $q''$ with
 # respect to $s$. On a straight line $s$ is the distance. A rounded corner is a parabola, quadratic in $s$, and $q'$
-# does not jump where it joins the lines. There $s$ is not exactly the distance. The path speed $\dot s$ says how fast
-# $s$ grows. The chain rule gives the joint accelerations:
+# does not jump where it joins the lines. Along the parabola, $s$ is not exactly the distance. The path speed $\dot s$
+# says how fast $s$ grows. The chain rule gives the joint accelerations:
 #
 # $$\ddot q = q'(s)\,\ddot s + q''(s)\,\dot s^2 .$$
 #
@@ -991,10 +989,10 @@ plt.show()
 # acceleration $\ddot s$ is constant, but the joint accelerations $\ddot q$ change with $\dot s$. Some schemes test
 # $\ddot q$ only at the first point of each interval, others at both ends.
 #
-# Is it enough to test both ends? On a straight line $q''$ is zero, and on a parabola in its own parameter it is
-# constant. Besides, $q'$ and, with constant $\ddot s$, $\dot s^2$ are linear in $s$. So $\ddot q$ is linear too, and
-# largest at one of the ends. (The velocity $q'\dot s$ is not: on a parabola it needs a bound of its own.) On a circular
-# arc the direction of $q''$ turns, and $\ddot q$ can be larger in between.
+# Is it enough to test both ends? In an interval $\ddot s$ is constant, so $\dot s^2$ is linear in $s$. On a line $q''$
+# is zero, on our parabolas it is constant, and $q'$ is linear on both. So each term of $\ddot q$ is linear in $s$, and
+# $\ddot q$ is largest at one of the ends. (The velocity $q'\dot s$ is not: on a parabola it needs a bound of its own.)
+# On a circular arc the direction of $q''$ turns, and $\ddot q$ can be larger in between.
 
 # %%
 show("limits_between_grid_points")
@@ -1053,9 +1051,9 @@ plt.show()
 # the camera.
 #
 # How long do the stages take? This cell times planning, shortcutting and time parameterisation on your machine, for one
-# query at the open shelf (`requested`). `plan` runs RRT-Connect unless you name another method. `time_parameterise`
-# takes the limits (2 rad/s, 8 rad/s²), the distance `blend` from a corner at which rounding begins, and the world
-# `free` in which roundings are checked.
+# query at the open shelf (the scene `requested`). `plan` runs RRT-Connect unless you name another method.
+# `time_parameterise` takes the limits (2 rad/s, 8 rad/s²), the distance `blend` from a corner at which rounding begins,
+# and the world `free` in which roundings are checked.
 
 # %% tags=["nbval-ignore-output", "show-code"]
 import time
@@ -1207,8 +1205,9 @@ Markdown(
     f"{rows.data}\n\nNot in the table: building the stored roadmap once took {once}. With the ball, "
     f"at the open shelf, version 1 checks {few_} edges within five seconds. Versions 2 and 4 each check "
     f"{int(edges_):,} edges, in {float(points_) / 1e3:.2g} s and {float(proof_) / 1e3:.2g} s, and solve "
-    f"{solved_} of {of_} queries; with so few, more than without the ball can be chance. (These numbers of "
-    "edges and seconds are medians.) All times exclude shortcuts, and we did not compare path lengths."
+    f"{solved_} of {of_} queries. That is more than without the ball, but with so few queries this can be chance. "
+    "(These numbers of edges and seconds are medians.) All times exclude shortcuts, and we did not "
+    "compare path lengths."
 )
 
 # %% [markdown]
@@ -1217,27 +1216,27 @@ Markdown(
 # * *1 to 4.* One tree with short steps. Versions 1 to 3 check points 0.01 rad apart. Versions 2 and 4 make the edge
 #   check much faster (numbers below the table). But in the table, none solves more than half of its queries.
 # * *5. Longer steps* (OMPL's default). Nearly all queries are solved.
-# * *6. RRT-Connect.* It solves the rest, and the median falls. (In the table's queries, the old limit of 20,000 samples
-#   would have sufficed.)
-# * *7. Batches of points 0.05 rad apart* (section 9). By the median, slightly faster than version 6 at the open
-#   shelf, slightly slower at the tight one. Its spheres are up to 2 % thicker than the arm: a few starts and goals
-#   collide.
+# * *6. RRT-Connect.* It solves the rest, and the median falls. Its limit is ten times that of version 5, but with the
+#   shelf unchanged no query needed more than 20,000 samples.
+# * *7. Batches of points 0.05 rad apart* (section 9). By the median, slightly faster than version 6 at the open shelf,
+#   slightly slower at the tight one. For this check, spheres up to 2 % thicker than the arm cover it: a few starts and
+#   goals collide.
 # * *8. Bridge samples.* Median and slowest query take longer.
 # * *9. A lazy roadmap, built per query.* Slower than RRT-Connect in the median, and some queries stay unsolved.
-# * *10 and 11. A stored roadmap.* The median is longer than with RRT-Connect. Version 10 joins start and goal to near
-#   nodes by straight edges, and uses RRT-Connect where that fails. In version 11 a small tree grows from each end until
-#   it reaches the roadmap. Its slowest query beats that of version 6 in all four cases.
+# * *10 and 11. A stored roadmap.* Version 10 joins start and goal to near nodes by straight edges, and uses RRT-Connect
+#   where that fails. In version 11 a small tree grows from each end until it reaches the roadmap. Its slowest query
+#   beats that of version 6 in all four cases.
 # * *12. Earlier paths added.* No consistent gain: the median is longer in three of four cases.
 #
-# By the median, version 5 already meets the required tenth of a second. Only versions 11 and 12 meet it in every query,
-# also with the ball. One run per query is weak evidence: repeat with other seeds before you promise it.
+# By the median, version 5 already meets the required tenth of a second. With the shelf unchanged, versions 6 and 10 to
+# 12 meet it in every query; with the ball, only 11 and 12 do (chart). One run per query is weak evidence: repeat with
+# other seeds before you promise it.
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *How do you speed up planning?* Don't recite a menu, give an order. (1) Measure two numbers: how
-# many checks, and what one costs. (2) Reduce the number first, since that decides whether a query is solved at all:
-# longer steps or a second tree. (3) Make the check cheap: simple shapes, compiled or vectorised code. (4) Reuse: a
-# stored roadmap, checked lazily. (5) Special samplers last, for a passage that you can name.
+# **Interview tip.** *How do you speed up planning?* (1) Measure two numbers: how many checks, and what one costs. (2)
+# Reduce the number first, since that decides whether a query is solved at all: longer steps or a second tree. (3) Make
+# the check cheap: simple shapes, compiled or vectorised code. (4) Reuse: a stored roadmap, checked lazily.
 #
 # </div>
 
@@ -1280,11 +1279,10 @@ table(
 #
 # In the last two columns of the table, two things change at once: the check runs in Python, and it tests points instead
 # of whole edges. We did not separate the two. At OMPL's default spacing, 1 % of the diagonal of the space, some of the
-# returned paths are in collision.
+# returned paths are in collision. (*OMPL, Python, 0.2%* has a fifth of that spacing.)
 #
 # In all scenes but the 2 % gap, the two changes together cost far more time than the choice between the two
-# implementations of RRT-Connect. So use the library, which is maintained and offers many planners, and spend your
-# effort on a compiled edge check.
+# implementations of RRT-Connect. So use the library, and spend your effort on a compiled edge check.
 #
 # <details><summary>Samples of both planners, and the seven-joint arm in detail</summary>
 #
@@ -1342,8 +1340,8 @@ plt.show()
 #
 # On the left we sampled 100,000 pairs for each point; a curve ends where none of them saw each other. On the right, a
 # filled triangle at the top edge means that the median exceeds the budget. At dimension 5 it does so for hole and
-# tunnel, in both implementations. For the hole, the bands (quartiles of 100 runs) span a factor of more than ten. So
-# its medians are uncertain by a factor of two, and the two implementations may differ by chance.
+# tunnel, in both implementations. For the hole, the bands (quartiles of 100 runs) span a factor of more than ten. So a
+# median is uncertain by a factor of two, and a difference between the two implementations can be chance.
 #
 # In seven dimensions the slab still needs only a few samples. The hole gets harder by a large factor with each
 # dimension. So count the directions in which your passage is narrow, and remove some of them: first plan to a
@@ -1352,9 +1350,9 @@ plt.show()
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The planner finds no path.* Check in this order. (1) Are start and goal free in the planner's own
-# model of robot and scene? A gripper that holds a cup *touches* the cup. (2) Where is it narrow? Shrink the obstacles
-# until a path appears; where it squeezes through is your passage. (3) Try other step sizes, longer and shorter. (4) Use
-# two trees. (5) Allow more samples, and place some in the passage. (6) Only then try another planner.
+# model of robot and scene? (2) Where is it narrow? Shrink the obstacles until a path appears; where it squeezes
+# through is your passage. (3) Try other step sizes, longer and shorter. (4) Use two trees. (5) Allow more samples, and
+# place some in the passage. (6) Only then try another planner.
 #
 # <details><summary>What people get wrong</summary>
 #
@@ -1365,15 +1363,15 @@ plt.show()
 #
 # </div>
 #
-# Step 3 sounds odd: surely a narrow passage needs a *small* step? With an exact edge check, a long edge is as safe as a
-# short one. A long step lets a lucky sample reach straight through the opening; short ones need many nodes to get
+# Why also longer steps? Surely a narrow passage needs a *small* step? With an exact edge check, a long edge is as safe
+# as a short one. A long step lets a lucky sample reach straight through the opening; short ones need many nodes to get
 # there.
 
 # %%
 show("step_through_a_passage")
 
 # %% [markdown]
-# The card counts samples; a long edge also takes longer to check.
+# The card's explanation counts samples; a long edge also takes longer to check.
 #
 # ### Slow only sometimes
 #
@@ -1390,7 +1388,7 @@ show("slow_plans_are_slow_questions")
 # **Debugging tip.** *The motion is jerky, or far too long.* Find out which of four it is. Corners in free space: use
 # shortcuts. Jumps of the acceleration: limit the jerk. Stops at each waypoint: that is the timing; round the corners in
 # passing. A long detour: the path passes an obstacle on its longer side, in another homotopy class. No spline changes
-# that, and a shortcut only by luck; plan again, or use RRT\*. After each fix run the collision check again.
+# that, and a shortcut only by luck; plan again, or use RRT\*.
 #
 # </div>
 #
@@ -1414,8 +1412,8 @@ more_claims("blocked_ends_are_named")
 #
 # **Self-collision** and the **held object**. Check each pair of links that can meet. Once the gripper holds a cup, the
 # cup is part of the robot: attach its shape to the hand, allow the contact between hand and cup, and treat every stored
-# edge as unchecked. Conservative advancement still proves an edge if the reach $r_i$ includes the cup. For two links of
-# the arm, the gap can shrink by at most the sum of both motions.
+# edge as unchecked. Conservative advancement still proves an edge if the reach $r_i$ includes the cup. Between two
+# links of the arm, the gap can shrink by at most the sum of both motions.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 4, figsize=(10, 2.6), layout="constrained")
@@ -1524,8 +1522,8 @@ direct_ = f"{direct.max():.0f}° on the straight edge"
 print(f"largest tilt: {direct_}, {side_} 1° on each edge of CBiRRT's path")
 
 # %% [markdown]
-# The edges must be checked for collisions as well. OMPL runs its usual planners in a constrained space. There it checks
-# configurations at a spacing that you choose, and nothing between them. So its paths can collide.
+# The edges must be checked for collisions as well. In OMPL's constrained spaces, only configurations at a spacing that
+# you choose are checked, so its paths can collide.
 #
 # <details><summary>Projection, and a bound on the tilt between two states</summary>
 #
@@ -1613,8 +1611,9 @@ figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
 #
 # * Of the trajectories that were checked only at points 0.1 s apart, nearly half hit a post. With a margin that covers
 #   the motion between two points, none did.
-# * Which node is *nearest*? When we chose the one from which the sample could be reached soonest without posts, the
-#   trajectories lasted less than two thirds as long as with the Euclidean distance, in which 1 m/s counts like 1 m.
+# * Which node is *nearest*? When we chose the one from which the sample could be reached soonest if there were no
+#   posts, the trajectories lasted less than two thirds as long as with the Euclidean distance, in which 1 m/s counts
+#   like 1 m.
 #
 # <details><summary>The comparison in detail: planners, lower bound, margin between points</summary>
 #
@@ -1889,7 +1888,7 @@ checks = {a.strip(): rest for a, *rest in key(
     r"^(.{24,32}?) median +(\d+) checks \((\d+) to (\d+) by seed\), 90 % within (\d+)",
 )}  # fmt: skip
 rows = [("where samples come from",
-         "collision checks, median over 200 worlds: middle of three networks and seeds (smallest to largest)",
+         "collision checks in the median of 200 worlds, by three seeds and networks: middle (smallest to largest)",
          "90 % of the worlds within")]  # fmt: skip
 for name, title in NAMES.items():
     middle, least, largest, tail = (f"{int(n):,}" for n in checks[name])
@@ -1945,9 +1944,9 @@ show("diffusion_is_collision_free")
 # %% [markdown]
 # In the last panel of the chart, *diffusion, checked* returns the first of eight proposals that is free; if none is,
 # the query stays unsolved. *Pushed out* first moves each proposal out of the discs with an optimiser. *Bent lines* are
-# untrained guesses. RRT-Connect with shortcuts is the fastest here, in the plane and on one CPU core; the diffusion
-# network would usually run on a graphics card. After the optimiser, bent lines are faster in the median than the
-# proposals of the diffusion model, and slower on the hardest queries.
+# untrained guesses. RRT-Connect with shortcuts is the fastest here, in the plane and on one CPU core. After the
+# optimiser, bent lines are faster in the median than the proposals of the diffusion model, and slower on the hardest
+# queries.
 #
 # Of each planner that learns, ask what guarantees that the result is free: was a collision check passed, or was only a
 # cost low?
@@ -2014,11 +2013,12 @@ plt.show()
 # late as possible</td></tr> <tr><td>STORM (Bhardwaj and others, CoRL, arXiv 2104.13542)</td> <td>2021</td> <td>samples
 # joint motions on a graphics card at each control step and averages them</td> <td>only its costs, some of them
 # learned</td></tr> <tr><td>Graphs of convex sets (Marcucci and others, arXiv 2205.04422)</td> <td>2023</td> <td>covers
-# free space with convex regions; a convex relaxation of a mixed-integer problem, then rounded, chooses the regions and
-# the trajectory through them</td> <td>the regions, if they are free</td></tr> <tr><td>cuRobo (Sundaralingam and others,
-# arXiv 2310.17274)</td> <td>2023</td> <td>nothing learned: many optimisations at once on a graphics card, some from
-# guesses of a geometric planner</td> <td>costs during the optimisation; then a test of the result, with collision
-# checks at its points</td></tr> <tr><td>VAMP (Thomason, Kingston and Kavraki, arXiv 2309.14545)</td> <td>2024</td>
+# free space with convex regions; which regions the path uses is a yes-or-no choice; a convex problem that allows
+# fractions is solved first, then the fractions become choices</td> <td>the regions, if they are free</td></tr>
+# <tr><td>cuRobo (Sundaralingam and others, arXiv 2310.17274)</td> <td>2023</td> <td>nothing learned: many optimisations
+# at once on a graphics card, some from guesses of a geometric planner</td> <td>costs during the optimisation; then a
+# test of the result, with collision checks at its points</td></tr> <tr><td>VAMP (Thomason, Kingston and Kavraki, arXiv
+# 2309.14545)</td> <td>2024</td>
 # <td>nothing learned: RRT-Connect and PRM whose collision checks use the vector instructions of a CPU</td> <td>a check
 # at points along each edge</td></tr> </table>
 #
@@ -2043,14 +2043,14 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# At 0.05 rad and at this shelf, our batches beat the same points one by one, but not the proof. (With VAMP's spheres,
-# below, they do.) They have two limits. Larger spheres reject free edges (third plot). And a collision can fall between
-# two points.
+# At 0.05 rad and at this shelf, our batches beat the same points one by one, but not the proof. (With VAMP's spheres
+# among balls, below, they also beat the proof.) Batches have two limits. Larger spheres reject free edges (third plot).
+# And a collision can fall between two points.
 #
 # Let $h$ be the spacing and $c$ the length of the stretch of the edge that collides. If $h \le c$, a point always hits.
 # If $h > c$, points with a random offset miss with probability $1 - c/h$. The fourth plot shows this for a pole 8 mm
-# thick: left of the dotted line nothing is missed, right of it the points follow the formula. The proof misses nothing
-# on either side.
+# thick: left of the dotted line nothing is missed, right of it the missed share grows about as the formula says. The
+# proof misses nothing on either side.
 #
 # How fast is VAMP itself? We gave both programs the 59 spheres of VAMP's Panda, the same obstacles and the same
 # spacing, 1/32 rad:
@@ -2078,7 +2078,7 @@ plans_ = {
 }
 rows = table(
     ("program", f"a free edge, {AMONG} balls [µs]", "a colliding edge [µs]",
-     "a plan at the shelf, median (quartiles) [ms]", "plans found", "of these not proved free"),
+     "a plan at the shelf, median (quartiles) [ms]", "plans found", "of these not confirmed by our proof"),
     *((title, spent_["free", name], spent_["colliding", name], "{} ({} to {})".format(*plans_[name]),
        "{3} of {4}".format(*plans_[name]), plans_[name][5])
       for name, title in names_.items()),
@@ -2100,10 +2100,12 @@ Markdown(
 )
 
 # %% [markdown]
-# VAMP checks the arm against itself as well, which our batches do not. Its limit follows the same formula (last plot).
-# `validate_motion` takes one point per radian, at least eight on an edge; don't validate a path with it.
+# VAMP checks the arm against itself as well, which our batches do not. Its planners miss only collisions shorter than
+# their spacing, too few for the last plot. `validate_motion` takes one point per radian, at least eight on an edge, and
+# misses as the formula says; don't validate a path with it.
 #
-# BIT* was run where the shortest path is known exactly, with edge checks counted instead of time:
+# BIT* was run where the shortest path is known exactly, with edge checks counted instead of time. (Lower plot: graphs
+# of convex sets, see the fold.)
 #
 # ![Excess length against edge checks, and against convex regions](../docs/charts/informed_and_convex.png)
 
@@ -2121,15 +2123,14 @@ def needed(method):
     return f"{next(n for n, e in excess_['one disc', method] if e <= 1.0):,}"
 
 
-(early_, none_), (first_, _) = (
-    excess_["gap 10%", m][0] for m in ("OMPL BIT*", "RRT-Connect, shortcuts")
-)
+(early_, none_), (first_, late_) = excess_["gap 10%", "OMPL BIT*"][:2]
+longer_ = late_, dict(excess_["gap 10%", "RRT-Connect, shortcuts"])[first_]
 assert none_ == np.inf
 Markdown(
     f"Around the disc, the median path is within 1 % of the shortest after {needed('OMPL BIT*')} edge checks of "
-    f"BIT\\*, {needed('Informed RRT*')} of Informed RRT\\* and {needed('RRT*')} of RRT\\*. The limit of BIT\\* is the "
-    f"start: at the gap, after {early_} checks, fewer than half of its runs have a path, while RRT-Connect has "
-    f"one after {first_}."
+    f"BIT\\*, {needed('Informed RRT*')} of Informed RRT\\* and {needed('RRT*')} of RRT\\*. BIT\\* is weak at the "
+    f"beginning: at the gap, after {early_} checks, fewer than half of its runs have a path, and after {first_} its "
+    f"median path is {longer_[0]:.1f} % too long, that of RRT-Connect with shortcuts {longer_[1]:.1f} %."
 )
 
 # %% [markdown]

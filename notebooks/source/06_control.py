@@ -1218,9 +1218,9 @@ show("damping_is_safe")
 # vibrate faster than this loop can follow. So a stiffer wall needs more virtual mass or damping.
 #
 # The charts are for an arm of 4 kg with $b$ = 20 N s/m at 1 kHz, and the controllers know the exact rate. The upper
-# left one has 2 ms of delay. In the lower one, the hold is the only delay, the position loop has 40 kN/m and 800 N
-# s/m, and there is no virtual spring. At each point the virtual damping is critical for this virtual mass on a wall of
-# 100 N/m. On stiffer walls it is weak, so the mass has to rise to nearly the arm's own:
+# left one has 2 ms of delay. In the lower one, the hold is the only delay, the position loop has 40 kN/m and 800 N s/m,
+# and there is no virtual spring. The virtual damping is the value critical on a wall of 100 N/m. On stiffer walls it is
+# weak, so the mass has to rise to nearly the arm's own:
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
@@ -1516,10 +1516,10 @@ more_claims(
 # %% [markdown]
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *The control hierarchy.* Draw the five levels, and say what sets each rate. Current: the motor's
-# electrical time constant. Torque and position: the stiffness that the task needs, and the delay that this stiffness
-# allows. Force: the contact stiffness, and the force gain that you want there. Pose: the camera's frame rate. Planner:
-# its computing time.
+# **Interview tip.** *The control hierarchy.* Draw the picture's five levels, and say what sets each rate. Current: the
+# motor's electrical time constant. Torque or velocity: the bandwidth of the loop around it. Impedance or position: the
+# stiffness that the task needs, and the delay that it allows. Task or force: the camera's frame rate, or the contact
+# stiffness. Planner: its computing time.
 #
 # <details><summary>"PID inside at 1 kHz, impedance around it at 1 kHz"</summary>
 #
@@ -1689,8 +1689,8 @@ Markdown("\n".join(lines))
 #   smaller error here, but all of its torque depends on measurements.
 # * Unknown load torque: an I term or a disturbance observer.
 # * Unknown payload on a moving arm: identify it, or use adaptive control with bounds on its estimate.
-# * The command reaches the torque limit, or the cost is not a tracking error: plan ahead. Use MPC if a linear model
-#   is good enough, otherwise MPC with the nonlinear model, or MPPI without a useful gradient, often in contact.
+# * The command reaches the torque limit, or the cost is not a tracking error: plan ahead. Use MPC if a linear model is
+#   good enough, otherwise MPC with the nonlinear model. Where no gradient helps, as often in contact, use MPPI.
 #
 # ## 7 · Debug: what a simulator hides
 #
@@ -1739,8 +1739,9 @@ plt.show()
 #
 # </details>
 #
-# MuJoCo evaluates its position servo in every physics step. So its limits differ from those of sampled PD (dashed in
-# the right chart of *Stable PD gains*), and depend on MuJoCo's integrator (*Euler*, *implicitfast* or *discrete*).
+# MuJoCo computes its position servo inside the physics step. Its integrator (*Euler*, *implicitfast* or *discrete*)
+# decides whether old or new angles and rates enter. So even at the same step its limits differ from those of sampled PD
+# (dashed in *Stable PD gains*).
 #
 # <details><summary>How the integrator changes the servo's limits</summary>
 #
@@ -1806,7 +1807,7 @@ plt.show()
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
-# | constant oscillation (A) | unstable loop at its torque limit; backlash, encoder counts | halve gains: only the first calms down | lower gains, less delay |
+# | constant oscillation (A) | unstable loop at its torque limit; backlash, encoder counts | lower the gains: just below its limit the first comes to rest, the others usually stay | lower gains, less delay |
 # | slow oscillation with pauses (B) | hunting | switch off the I term | stop the I term while the error is small; friction compensation |
 # | torque noise at rest (C) | encoder counts times $K_d$ | plot the encoder counts at rest | filter, observer; longer sample time if the delay allows |
 # | large overshoot after saturation (D) | windup | plot the command; try anti-windup | anti-windup |

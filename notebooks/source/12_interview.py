@@ -170,10 +170,10 @@ plt.show()
 show("hundred_trials")
 
 # %% [markdown]
-# "At least 70 of 100" is a bad rule for a gate of 70 %: a policy whose true rate is exactly 70 % passes more than
-# half of the time, by luck. So demand more successes. A **one-sided test at 5 %** demands the smallest number that a
-# policy exactly at the gate reaches in at most 5 % of all tests. The chart shows how likely a policy is to pass, for
-# each true rate:
+# "At least 70 of 100" is a bad rule for a gate of 70 %: a policy whose true rate is exactly 70 % passes more than half
+# of the time, by luck. So demand more successes. A **one-sided test at 5 %** demands so many that a policy exactly at
+# the gate has that many or more in at most 5 % of all tests, and takes the smallest such number. The chart shows how
+# likely a policy is to pass, for each true rate:
 
 # %% tags=["hide-code"]
 rate = np.linspace(0.6, 1.0, 161)
@@ -317,8 +317,8 @@ show("hold_is_half_a_sample")
 #
 # The rule is for slow motions. We compared a rigid joint with viscous friction under held commands with the same joint
 # under a smooth command that is half a sample late. With six samples per period, their phases differ by at most about
-# one degree (a period is 360 degrees). With only two, they can differ by far more. And half a sample of six is 30
-# degrees of phase, which is much for a feedback loop.
+# one degree (a period is 360 degrees). With only two, they can differ by far more. But half a sample of six is 30
+# degrees, which is much for a feedback loop.
 
 # %%
 more_claims("stiff_is_position")
@@ -405,18 +405,20 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 # it contains the reaction time. The **effective mass** is the mass that you would feel if a given point of the arm hit
 # you in a given direction. It depends on the posture.
 #
-# The third row is the position error along the belt. It is the sum of two kinds of errors. A **systematic error** is
-# the same in each pick. Here it is the distance that the part travels while the camera image is processed: belt speed
-# times processing time. We know its size, but this robot does not correct for it.
+# Below, the third row is the position error along the belt. It is the sum of two kinds of errors. A **systematic
+# error** is the same in each pick. Here it is the distance that the part travels while the camera image is processed:
+# belt speed times processing time. We know its size, but this robot does not correct for it. (From then on, the arm
+# follows the belt.)
 #
 # A **random error** differs from pick to pick. Its mean is zero, and you know only its standard deviation $\sigma_i$.
 # The sum of independent random errors has the standard deviation $\sqrt{\sum\sigma_i^2}$. If this sum is normally
 # distributed, it is within two standard deviations in about 95 % of the picks. We add two standard deviations to the
 # systematic error, so about 95 % of the picks or more stay within the estimate.
 #
-# The *hand-eye error* (in the angle between camera and arm) is the same in each pick of one robot. This robot is not
-# built yet, so we treat it as random: the 95 % are a share of the picks of many such robots, and one with a large
-# hand-eye error does worse. On a real robot, calibrate it, and add what may remain to the systematic error.
+# The *hand-eye error* (in the angle between camera and arm) is the same in each pick of one robot. The robot is not
+# built yet, so we don't know this error and treat it as random. The 95 % then hold for the picks of many such robots
+# together; one with a large hand-eye error does worse. On a real robot, calibrate it, and add what may remain to the
+# systematic error.
 
 # %% tags=["hide-code"]
 INPUTS = {
@@ -644,9 +646,9 @@ predict("when_again")
 #
 # </details>
 #
-# The chart shows the gaps between reviews that the scheduler of this course computes. One exception, which the first
-# panel of this page leaves out: after its first review, or after a failure, a card comes back in ten minutes (`<1` in
-# the list).
+# The chart shows the gaps between reviews that the scheduler of this course computes. A card that was just reviewed for
+# the first time, or just failed, comes back in ten minutes (`<1` in the list below); the first panel of this page
+# leaves this out.
 
 # %% tags=["hide-code"]
 from datetime import UTC, datetime, timedelta
@@ -700,8 +702,8 @@ case.show()
 # 7. The encoder of the drive counts the wrong way, so the drive pushes away from the middle.
 # 8. The integral term of the drive is too strong for the damping, so the oscillation grows.
 #
-# The fold *Possible causes and repairs* of each case hides one of the eight causes: here number 8. If your probes
-# exclude the seven that it lists, answer `none_of_these`.
+# Each case has eight possible causes; its fold *Possible causes and repairs* lists seven (here not number 8). If probes
+# exclude all seven, answer `none_of_these`.
 
 # %%
 predict("first_probe")
@@ -997,8 +999,8 @@ SAY = """
   {chart.learned_beside_adaptive/0/learned, a larger/y/-1:.1g} rad. And an adaptive law, which corrects
   the model while the arm moves and has higher gains, had {chart.tracking_laws/1/adaptive law/y/-1:.1g} rad without
   training. PD with gravity compensation by the same wrong model had {chart.equal_stiffness/1/PD + gravity/y/1:.2g} rad
-  with the same torque per radian of error, and {chart.tracking_laws/1/PD + gravity/y/-1:.2g} rad with seven times as
-  much at the elbow.
+  with a stiffness (torque per radian) as low as that of the soft gains, and
+  {chart.tracking_laws/1/PD + gravity/y/-1:.2g} rad with seven times this stiffness at the elbow.
 * **Model of an arm.** "A learned model (linear, fifty features) predicted new motions of a simulated arm, up to 0.6 s
   ahead, with an error of {chart.learned_model/0/learned/y/-1:.0f} mrad (root mean square), after
   {chart.learned_model/0/learned/x/-1:.0f} s of data. Equations with fitted parameters reached

@@ -449,7 +449,7 @@ def optimiser_minima(side: int = 13, points: int = 24, count: int = 16) -> Itera
         costs = np.where(free, [length(path) for path in ends], np.inf)
         best = costs <= 1.05 * costs.min()
         panel = Panel(
-            f"our {name}: {np.mean(~free):.0%} of the guesses collide",
+            f"our {name}: {np.mean(~free):.0%} of the results collide",
             "via point x [m]",
             "via point y [m]",
             equal=True,
