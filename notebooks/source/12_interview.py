@@ -172,8 +172,8 @@ show("hundred_trials")
 # %% [markdown]
 # "At least 70 of 100" is a bad rule for a gate of 70 %: a policy whose true rate is exactly 70 % passes more than half
 # of the time, by luck. So demand more successes. A **one-sided test at 5 %** demands so many that a policy exactly at
-# the gate has that many or more in at most 5 % of all tests, and takes the smallest such number. The chart shows how
-# likely a policy is to pass, for each true rate:
+# the gate has that many or more in at most 5 % of all tests: the smallest such number. The chart shows how likely a
+# policy is to pass, for each true rate:
 
 # %% tags=["hide-code"]
 rate = np.linspace(0.6, 1.0, 161)
@@ -407,8 +407,8 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 #
 # Below, the third row is the position error along the belt. It is the sum of two kinds of errors. A **systematic
 # error** is the same in each pick. Here it is the distance that the part travels while the camera image is processed:
-# belt speed times processing time. We know its size, but this robot does not correct for it. (From then on, the arm
-# follows the belt.)
+# belt speed times processing time. We know its size, but this robot does not correct for it. (Then the arm follows the
+# belt.)
 #
 # A **random error** differs from pick to pick. Its mean is zero, and you know only its standard deviation $\sigma_i$.
 # The sum of independent random errors has the standard deviation $\sqrt{\sum\sigma_i^2}$. If this sum is normally
@@ -647,8 +647,7 @@ predict("when_again")
 # </details>
 #
 # The chart shows the gaps between reviews that the scheduler of this course computes. A card that was just reviewed for
-# the first time, or just failed, comes back in ten minutes (`<1` in the list below); the first panel of this page
-# leaves this out.
+# the first time, or just failed, comes back in ten minutes (`<1` below); the first panel of this page leaves this out.
 
 # %% tags=["hide-code"]
 from datetime import UTC, datetime, timedelta
