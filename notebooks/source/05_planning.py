@@ -2043,9 +2043,9 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# At 0.05 rad and at this shelf, our batches beat the same points one by one, but not the proof. (With VAMP's spheres
-# among balls, below, they also beat the proof.) Batches have two limits. Larger spheres reject free edges (third plot).
-# And a collision can fall between two points.
+# At 0.05 rad and at this shelf, our batches beat the same points one by one, but not the proof. (With VAMP's spheres,
+# below, they do on free edges.) Batches have two limits. Larger spheres reject free edges (third plot). And a collision
+# can fall between two points.
 #
 # Let $h$ be the spacing and $c$ the length of the stretch of the edge that collides. If $h \le c$, a point always hits.
 # If $h > c$, points with a random offset miss with probability $1 - c/h$. The fourth plot shows this for a pole 8 mm
