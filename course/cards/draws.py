@@ -115,8 +115,10 @@ class Formula:
 
         requested = formula(self.claim)
         topic = _claim(self.claim).topic
-        wrong = [Answer(_code(slip), False, f"**No.** {tex(why, topic)}")
-                 for slip, why in requested.slips.items()]  # fmt: skip
+        wrong = [
+            Answer(_code(slip), False, f"**No.** {tex(why, topic)}")
+            for slip, why in requested.slips.items()
+        ]
         right = Answer(_code(requested.expression), True, "**Right.**")
         return sorted([right, *wrong], key=lambda answer: rank(0, answer.label))
 
@@ -162,10 +164,13 @@ class Verdict:
     def answers(self) -> list[Answer]:
         """Return the three verdicts, one of them right."""
         return [
-            Answer(label, verdict == self.verdict,
-                   "**Right.**" if verdict == self.verdict else "**No.**")
+            Answer(
+                label,
+                verdict == self.verdict,
+                "**Right.**" if verdict == self.verdict else "**No.**",
+            )
             for verdict, label in _ON_PAGE.items()
-        ]  # fmt: skip
+        ]
 
     def why(self) -> str:
         """Return the explanation, Markdown."""

@@ -45,9 +45,13 @@ def torques(
     q = vector("position", position, (None,))
     v, goal, k, d = (
         vector(name, value, q.shape)
-        for name, value in (("velocity", velocity), ("target", target),
-                            ("stiffness", stiffness), ("damping", damping))
-    )  # fmt: skip
+        for name, value in (
+            ("velocity", velocity),
+            ("target", target),
+            ("stiffness", stiffness),
+            ("damping", damping),
+        )
+    )
     largest = vector("limit", limit, q.shape, low=0.0)
     # PD law about a fixed target, saturated at the actuator's limit.
     return np.clip(k * (goal - q) - d * v, -largest, largest)

@@ -187,8 +187,10 @@ def run(
             priority of the highest task that uses that lock.
     """
     C, T = _sets(execution, period)
-    rest = [_like(n, v, C) for n, v in (("phase", phase), ("jitter", jitter), ("before", before),
-                                        ("section", section))]  # fmt: skip
+    rest = [
+        _like(n, v, C)
+        for n, v in (("phase", phase), ("jitter", jitter), ("before", before), ("section", section))
+    ]
     L = np.broadcast_to(np.asarray(lock), C.shape[:1])
     S = np.where((L >= 0).reshape(-1, *[1] * (C.ndim - 1)), rest[3], 0.0)
     if np.any(rest[2] + S > C * (1 + 1e-9)):

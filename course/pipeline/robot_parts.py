@@ -324,9 +324,21 @@ def point_to_plane_step(points: Array, model: Array, normals: Array) -> tuple[Ar
     R, p = np.eye(3), np.zeros(3)
     room = np.zeros((n, 3)), np.zeros(n), np.zeros(n, np.int64), np.zeros((6, 6)), np.zeros(6)
     icp_loop(
-        np.ascontiguousarray(points.T), np.zeros(n), tree.points, tree.normals, tree.axes,
-        tree.cuts, *solids(_NO_PARTS), R, p, _GATES, _LIMITS, _MOBILE, 1, *room,
-    )  # fmt: skip
+        np.ascontiguousarray(points.T),
+        np.zeros(n),
+        tree.points,
+        tree.normals,
+        tree.axes,
+        tree.cuts,
+        *solids(_NO_PARTS),
+        R,
+        p,
+        _GATES,
+        _LIMITS,
+        _MOBILE,
+        1,
+        *room,
+    )
     # That is the pose of the model in the frame of the points: the points move the other way.
     return R.T, -R.T @ p
 

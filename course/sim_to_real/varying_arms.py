@@ -298,9 +298,19 @@ def track(
     angle, windows = np.empty((n, steps)), (steps - 1) // WINDOW
     estimates, history = np.zeros((n, windows, 4)), np.zeros((n, windows, 3))
     _track_loop(
-        true, law, coefficients(start), rates, box, reference, blur,
-        *student, np.stack([LOW, HIGH]), angle, estimates, history,
-    )  # fmt: skip
+        true,
+        law,
+        coefficients(start),
+        rates,
+        box,
+        reference,
+        blur,
+        *student,
+        np.stack([LOW, HIGH]),
+        angle,
+        estimates,
+        history,
+    )
     error = np.sqrt(np.mean(np.minimum(np.abs(angle), CAP) ** 2, axis=1))
     return Run(error, angle, estimates, history)
 

@@ -367,24 +367,33 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Mock question": Preset(
-        {}, "Answer aloud while the thin bar below the card shrinks: a minute. Then click Reveal, "
+        {},
+        "Answer aloud while the thin bar below the card shrinks: a minute. Then click Reveal, "
         "compare, and rate how well you knew it. The curve jumps at once to its new course, a "
         "number below it says after how many days you are asked again, and the next question "
-        "starts its own minute."),
+        "starts its own minute.",
+    ),
     "Days pass": Preset(
-        {"speed": 1.0}, "A second is a day. Four answers that were rated some days ago: the spot "
+        {"speed": 1.0},
+        "A second is a day. Four answers that were rated some days ago: the spot "
         "slides down the curve. Below the dashed line it turns orange, and the question is asked "
-        "again. Reveal and rate it: the curve starts again, and falls more slowly."),
+        "again. Reveal and rate it: the curve starts again, and falls more slowly.",
+    ),
     "Asked when due": Preset(
-        {"reviewer": "when due", "speed": 5.0}, "Each review comes when nine in ten would still "
-        "know it. The waits grow. How many reviews are there after sixty days?"),
+        {"reviewer": "when due", "speed": 5.0},
+        "Each review comes when nine in ten would still know it. The waits grow. How many reviews "
+        "are there after sixty days?",
+    ),
     "Crammed": Preset(
-        {"reviewer": "every day", "speed": 5.0}, "A review every day. The chance stays near one, "
-        "and each review slows the forgetting far less."),
+        {"reviewer": "every day", "speed": 5.0},
+        "A review every day. The chance stays near one, and each review slows the forgetting far "
+        "less.",
+    ),
     "Always forgotten": Preset(
-        {"reviewer": "when due", "rating": "again", "speed": 5.0}, "Rated 'again' each time: "
-        "difficulty runs to its limit, and the wait never leaves a day."),
-}  # fmt: skip
+        {"reviewer": "when due", "rating": "again", "speed": 5.0},
+        "Rated 'again' each time: difficulty runs to its limit, and the wait never leaves a day.",
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

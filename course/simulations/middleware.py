@@ -565,29 +565,41 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Working stack": Preset(
-        {}, "Press play: twenty times slower than in truth. Click a node, or go on with the arrow "
-        "keys: what flows in and out lights up."),
+        {},
+        "Press play: twenty times slower than in truth. Click a node, or go on with the arrow "
+        "keys: what flows in and out lights up.",
+    ),
     "Mismatch": Preset(
-        {"requested": "reliable", "node": "perception"}, "The camera offers best effort, "
-        "perception requests reliable: nothing is heard, and no error is printed. Let the writer "
-        "offer reliable."),
+        {"requested": "reliable", "node": "perception"},
+        "The camera offers best effort, perception requests reliable: nothing is heard, and no "
+        "error is printed. Let the writer offer reliable.",
+    ),
     "Lossy wire": Preset(
-        {"loss": 1.0, "node": "camera"}, "One packet of a thousand is lost, and a picture has over "
-        "six hundred. Make both ends reliable: none is lost, each comes later."),
+        {"loss": 1.0, "node": "camera"},
+        "One packet of a thousand is lost, and a picture has over six hundred. Make both ends "
+        "reliable: none is lost, each comes later.",
+    ),
     "Deep queue": Preset(
-        {"load": 60.0, "depth": 10, "node": "perception"}, "Perception needs 50 ms where 33 pass: "
-        "its queue is full, and hands out the oldest. Slide what the reader keeps to one."),
+        {"load": 60.0, "depth": 10, "node": "perception"},
+        "Perception needs 50 ms where 33 pass: its queue is full, and hands out the oldest. Slide "
+        "what the reader keeps to one.",
+    ),
     "Overload": Preset(
-        {"schedule": "perception's thread", "load": 30.0}, "The loop shares a thread with "
-        "perception: a tick that comes while a picture is seen waits for its end."),
+        {"schedule": "perception's thread", "load": 30.0},
+        "The loop shares a thread with perception: a tick that comes while a picture is seen waits "
+        "for its end.",
+    ),
     "Inversion": Preset(
-        {"schedule": "waits for a logger's lock"}, "The least urgent task holds a lock for 2 ms, "
-        "and perception keeps it from the processor. Choose the lock with inheritance."),
+        {"schedule": "waits for a logger's lock"},
+        "The least urgent task holds a lock for 2 ms, and perception keeps it from the processor. "
+        "Choose the lock with inheritance.",
+    ),
     "Late monitor": Preset(
         {"topic": "zone", "offered": "reliable", "requested": "reliable", "node": "monitor"},
         "The zone was published once, before the monitor started: it stays blind. Let both ends "
-        "keep it for later."),
-}  # fmt: skip
+        "keep it for later.",
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

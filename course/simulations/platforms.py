@@ -298,21 +298,30 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Same scheme, same error": Preset(
-        {}, "One scheme at one step: the four paths lie on each other, and so does their error. "
-        "Halve the step. Then switch the fair settings off."),
+        {},
+        "One scheme at one step: the four paths lie on each other, and so does their error. "
+        "Halve the step. Then switch the fair settings off.",
+    ),
     "Default damping": Preset(
-        {"fair": False, "card": "PyBullet"}, "As shipped, PyBullet damps the links, holds the "
-        "joints with motors and computes other inertias. A smaller step doesn't help."),
+        {"fair": False, "card": "PyBullet"},
+        "As shipped, PyBullet damps the links, holds the joints with motors and computes other "
+        "inertias. A smaller step doesn't help.",
+    ),
     "Pyramid steers": Preset(
-        {"scene": "braking block", "fair": False, "card": "MuJoCo"}, "A block is launched between "
-        "two axes. With a friction pyramid it stops too far away, in another direction."),
+        {"scene": "braking block", "fair": False, "card": "MuJoCo"},
+        "A block is launched between two axes. With a friction pyramid it stops too far away, in "
+        "another direction.",
+    ),
     "Sinking grasp": Preset(
-        {"scene": "grasp", "fair": False, "card": "MuJoCo"}, "By Coulomb's law the fingers "
-        "press hard enough. But soft friction creeps, and the part sinks."),
+        {"scene": "grasp", "fair": False, "card": "MuJoCo"},
+        "By Coulomb's law the fingers press hard enough. But soft friction creeps, and the part "
+        "sinks.",
+    ),
     "Collapsing tower": Preset(
-        {"scene": "tower of five", "fair": False, "card": "Drake"}, "Five cubes of 1 kg. How far "
-        "does the highest sink, and where does it come to rest?"),
-}  # fmt: skip
+        {"scene": "tower of five", "fair": False, "card": "Drake"},
+        "Five cubes of 1 kg. How far does the highest sink, and where does it come to rest?",
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

@@ -68,9 +68,20 @@ def _share_of_the_law() -> float:
         command_arm(model, known, gains, references, out)
         law = time.perf_counter()
         drive_arm(
-            model, known, model, known, 1.0, gains, limits, cell.tick, references, noise, state,
-            nothing, out,
-        )  # fmt: skip
+            model,
+            known,
+            model,
+            known,
+            1.0,
+            gains,
+            limits,
+            cell.tick,
+            references,
+            noise,
+            state,
+            nothing,
+            out,
+        )
         end = time.perf_counter()
     return min((law - begun) / (end - law), 0.9)
 
@@ -101,9 +112,20 @@ def drive(
     queue = np.array(arm.queue).reshape(len(arm.queue), 2)
     begun = time.perf_counter()
     drive_arm(
-        model, known, body, dry, world.motor, np.array((arm.kp, arm.kd)), np.array(cell.torques),
-        cell.tick, np.ascontiguousarray(references), noise, state, queue, out,
-    )  # fmt: skip
+        model,
+        known,
+        body,
+        dry,
+        world.motor,
+        np.array((arm.kp, arm.kd)),
+        np.array(cell.torques),
+        cell.tick,
+        np.ascontiguousarray(references),
+        noise,
+        state,
+        queue,
+        out,
+    )
     spent = time.perf_counter() - begun
     if len(queue):
         queue = np.roll(queue, -(len(references) % len(queue)), axis=0)

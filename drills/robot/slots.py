@@ -28,37 +28,54 @@ class Slot(NamedTuple):
     every: int = 1
 
 
-# fmt: off
 SLOTS = (
     Slot("back_project", "perception", "back_project", "depth image to points", ((3, None),), 7),
     Slot("plane_ransac", "perception", "plane_ransac", "finds the table", ((4,), (None,), ()), 7),
     Slot("dbscan", "perception", "dbscan", "separates the objects", ((None,),), 7),
     Slot("rigid_fit", "perception", "rigid_fit", "first pose of the part", ((3, 3), (3,)), 9),
-    Slot("point_to_plane_step", "perception", "point_to_plane_step", "refines the pose",
-         ((3, 3), (3,)), 9),
-    Slot("to_the_present", "estimation", "to_the_present", "brings an old message to now",
-         ((4,), (4, 4))),
+    Slot(
+        "point_to_plane_step",
+        "perception",
+        "point_to_plane_step",
+        "refines the pose",
+        ((3, 3), (3,)),
+        9,
+    ),
+    Slot(
+        "to_the_present",
+        "estimation",
+        "to_the_present",
+        "brings an old message to now",
+        ((4,), (4, 4)),
+    ),
     Slot("visual_gain", "estimation", "visual_gain", "chooses the tracking gain", ((), ()), 4),
     Slot("two_link_ik", "kinematics", "two_link_ik", "joint angles for a position", ((2, 2),)),
-    Slot("jacobian", "kinematics", "geometric_jacobian", "tip velocity per joint rate",
-         ((6, 2),), 4),
+    Slot(
+        "jacobian", "kinematics", "geometric_jacobian", "tip velocity per joint rate", ((6, 2),), 4
+    ),
     Slot("damped_step", "kinematics", "damped_step", "corrects the tip a little", ((2,),), 4),
     Slot("edge_check", "planning", "edge_check", "is a straight motion free?", ((),)),
-    Slot("rrt_connect", "planning", "rrt_connect", "finds a way around the posts",
-         ((None, 2), (2,))),
+    Slot(
+        "rrt_connect", "planning", "rrt_connect", "finds a way around the posts", ((None, 2), (2,))
+    ),
     Slot("shortcut", "planning", "shortcut", "cuts corners", ((None, 2),)),
     Slot("trapezoid", "planning", "trapezoid", "times the motion", ((), (2, None), (2, None)), 2),
-    Slot("computed_torque", "control", "computed_torque", "torques that follow a motion",
-         ((2,),), 97),
+    Slot(
+        "computed_torque", "control", "computed_torque", "torques that follow a motion", ((2,),), 97
+    ),
     Slot("lqr", "control", "lqr", "gains of the joint loops", ((1, 2),)),
     Slot("rnea_planar", "control", "rnea_planar", "torques that hold the arm", ((2,),), 53),
-    Slot("friction_torque", "control", "friction_torque", "torques against joint friction",
-         ((2,),), 23),
-    Slot("contact_step", "physics", "contact_step", "the released part on the table",
-         ((2,), (2,))),
+    Slot(
+        "friction_torque",
+        "control",
+        "friction_torque",
+        "torques against joint friction",
+        ((2,),),
+        23,
+    ),
+    Slot("contact_step", "physics", "contact_step", "the released part on the table", ((2,), (2,))),
     Slot("verlet", "physics", "verlet_step", "moves the arm by one tick", ((2,), (2,), (2,)), 97),
 )
-# fmt: on
 
 NAMED = {slot.name: slot for slot in SLOTS}
 NAMES = tuple(NAMED)

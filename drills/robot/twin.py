@@ -28,10 +28,16 @@ def imperfect_world(gap: float, cell: Cell = CELL, delay: float = DELAY) -> Worl
     mass, payload, viscous, coulomb, motor, late, bias, noise = (
         float(value[0])
         for value in (
-            plant.mass, plant.payload, plant.viscous, plant.coulomb, plant.torque, plant.delay,
-            plant.bias, plant.noise,
+            plant.mass,
+            plant.payload,
+            plant.viscous,
+            plant.coulomb,
+            plant.torque,
+            plant.delay,
+            plant.bias,
+            plant.noise,
         )
-    )  # fmt: skip
+    )
     m1, m2 = cell.masses
     c1, c2 = ARM.damping
     d1, d2 = cell.viscous

@@ -831,11 +831,12 @@ heights = {
     ).q[0],
     "Baumgarte, at most 1 m/s": scenes.run(deep, "lcp", dt, steps).q[0],
     "split impulse": [
-        deep.q[0], *(q[0] for q, _ in split_impulse_steps(deep, dt, steps, model="lcp"))
+        deep.q[0],
+        *(q[0] for q, _ in split_impulse_steps(deep, dt, steps, model="lcp")),
     ],
     "ERP and CFM of 10 kN/m, 200 N s/m": spring,
     "XPBD": [deep.q[0], *(q[0] for q, _ in xpbd_steps(deep, dt, steps))],
-}  # fmt: skip
+}
 figure_, axes = plt.subplots(figsize=(8, 3.4), layout="constrained")
 inks = ("tab:red", "tab:purple", "tab:green", "tab:brown", "tab:blue")
 for (name, height), ink in zip(heights.items(), inks, strict=True):

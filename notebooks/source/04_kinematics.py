@@ -1506,9 +1506,16 @@ figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
 _ = axes.plot([0, 1, 1.8], [0, 0, 0], "o-", color="#9bb7d4", linewidth=8, markersize=10)
 for length, colour, name in ((1.8, "tab:orange", "column 1"), (0.8, "tab:green", "column 2")):
     _ = axes.quiver(
-        1.8, 0, 0, 0.3 * length, color=colour, angles="xy", scale_units="xy", scale=1,
+        1.8,
+        0,
+        0,
+        0.3 * length,
+        color=colour,
+        angles="xy",
+        scale_units="xy",
+        scale=1,
         label=name,
-    )  # fmt: skip
+    )
 _ = axes.quiver(
     1.8,
     0,

@@ -51,8 +51,14 @@ from course.planning import check_path, length, plan, scenes, time_parameterise
 from course.planning.worlds import DISC, LAST_SIDE
 
 BLUE, ORANGE, GREY, GREEN, RED, ROSE, PURPLE = (
-    "#0072b2", "#d55e00", "#8a8a8a", "#009e73", "#c0392b", "#e9a3a0", "#8e44ad",
-)  # fmt: skip
+    "#0072b2",
+    "#d55e00",
+    "#8a8a8a",
+    "#009e73",
+    "#c0392b",
+    "#e9a3a0",
+    "#8e44ad",
+)
 HALO = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8}
 
 
@@ -171,7 +177,7 @@ plt.show()
 # %% tags=["hide-code"]
 figure_, (left, right) = plt.subplots(1, 2, figsize=(7.5, 3.2), layout="constrained")
 left.add_patch(plt.Circle((0.35, 1.0), 0.3, color=ROSE))
-for q, ink, name in ((( 0.95, -1.25), RED, "collides"), ((-0.3, 1.25), GREEN, "free")):  # fmt: skip
+for q, ink, name in (((0.95, -1.25), RED, "collides"), ((-0.3, 1.25), GREEN, "free")):
     x, y = links(q)
     _ = left.plot(
         x, y, "o-", color=ink, lw=3, label=f"elbow {'up' if q[0] > 0 else 'down'}: {name}"
@@ -243,8 +249,16 @@ for spot, word in (
 ):
     _ = axes[0].text(*spot, word, fontsize=8)
 bare(axes[0], "one round")
-few = plan(scenes.empty().world, [5.0, 5.0], [9.5, 9.5], method="rrt", budget=18, rng=4, step=1.2,
-           goal_bias=0.0)  # fmt: skip
+few = plan(
+    scenes.empty().world,
+    [5.0, 5.0],
+    [9.5, 9.5],
+    method="rrt",
+    budget=18,
+    rng=4,
+    step=1.2,
+    goal_bias=0.0,
+)
 across = np.linspace(0.0, 10.0, 120)
 grid = np.stack(np.meshgrid(across, across)).reshape(2, -1)
 owner = np.argmin(np.linalg.norm(grid[:, :, None] - few.nodes[:, None], axis=0), axis=1)
@@ -306,8 +320,12 @@ _ = axes[1].plot([0.5, 9.5], [high, high], color=GREY)
 _ = axes[1].plot([2.4, 7.6], [high, high], "o", color=GREEN)
 _ = axes[1].plot([5, 7.6, 5, 5], [3.2, high, high, 3.2], color="black", lw=1)
 _ = axes[1].plot([5, 5 - 3.2 * np.cos(0.4)], [3.2, 3.2 - 3.2 * np.sin(0.4)], color=GREY, lw=1)
-for spot, word in (((5.8, 6.4), "s/2"), ((4.5, 4.6), "h"), ((3.2, 2.9), "r"),
-                   ((5.85, 3.4), r"$\sqrt{h^2 + s^2/4}$")):  # fmt: skip
+for spot, word in (
+    ((5.8, 6.4), "s/2"),
+    ((4.5, 4.6), "h"),
+    ((3.2, 2.9), "r"),
+    ((5.85, 3.4), r"$\sqrt{h^2 + s^2/4}$"),
+):
     _ = axes[1].text(*spot, word, fontsize=9)
 bare(axes[1], "enlarged disc (dashed): nothing missed")
 axes[2].add_patch(plt.Circle((6.0, 7.4), 2.2, color=ROSE))
@@ -438,8 +456,11 @@ _ = axes[0].plot([3.4, 4.9], [4.2, 4.9], color=ORANGE, lw=2.5)
 chain = second[:, [1]] + np.linspace(0, 1, 4) * (new - second[:, 1])[:, None]
 _ = axes[0].plot(*chain, "o-", color=GREEN, lw=2, ms=4)
 _ = axes[0].plot(*new, "o", color=ORANGE, ms=7)
-for spot, word in (((0.6, 5.5), "1 extend: one step"), ((4.5, 4.0), "2 connect: until it arrives"),
-                   ((8.0, 5.3), "sample")):  # fmt: skip
+for spot, word in (
+    ((0.6, 5.5), "1 extend: one step"),
+    ((4.5, 4.0), "2 connect: until it arrives"),
+    ((8.0, 5.3), "sample"),
+):
     _ = axes[0].text(*spot, word, fontsize=8)
 bare(axes[0], "one round of RRT-Connect")
 for axis, method in zip(axes[1:], ("rrt", "rrt_connect"), strict=True):
@@ -479,9 +500,14 @@ simulation("growing", "Narrow gap")
 
 # %% tags=["hide-code"]
 lines = [
-    ("planner", "open share of the wall", "samples: median (25th to 75th percentile)",
-     "edge checks: median", "path length / shortest length (after shortening)"),
-]  # fmt: skip
+    (
+        "planner",
+        "open share of the wall",
+        "samples: median (25th to 75th percentile)",
+        "edge checks: median",
+        "path length / shortest length (after shortening)",
+    ),
+]
 for name, title in (("rrt", "RRT"), ("rrt_connect", "RRT-Connect")):
     for share in scenes.GAPS:
         requested = scenes.gap(share)
@@ -498,10 +524,14 @@ for name, title in (("rrt", "RRT"), ("rrt_connect", "RRT-Connect")):
             check_path(requested.world, run.path, requested.start, requested.goal) for run in runs
         )
         lines.append(
-            (title, f"{share:.0%}", f"{drawn[0]:.0f} ({drawn[1]:.0f} to {drawn[2]:.0f})",
-             f"{np.median([run.edge_checks for run in runs]):.0f}",
-             f"{np.median([run.cost for run in runs]) / best:.2f} ({np.median(cut):.2f})")
-        )  # fmt: skip
+            (
+                title,
+                f"{share:.0%}",
+                f"{drawn[0]:.0f} ({drawn[1]:.0f} to {drawn[2]:.0f})",
+                f"{np.median([run.edge_checks for run in runs]):.0f}",
+                f"{np.median([run.cost for run in runs]) / best:.2f} ({np.median(cut):.2f})",
+            )
+        )
 table(*lines)
 
 # %% [markdown]
@@ -535,8 +565,16 @@ simulation("growing", "Bug trap")
 figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
 corridor = scenes.gap(0.05, 4.0)
 for axis, name in zip(axes, ("uniform", "gaussian", "bridge"), strict=True):
-    some = plan(corridor.world, scenes.START, scenes.GOAL, method="prm_star", sampler=name,
-                budget=250, rng=1, spread=0.5).nodes[:, 2:]  # fmt: skip
+    some = plan(
+        corridor.world,
+        scenes.START,
+        scenes.GOAL,
+        method="prm_star",
+        sampler=name,
+        budget=250,
+        rng=1,
+        spread=0.5,
+    ).nodes[:, 2:]
     obstacles(axis, corridor.world)
     _ = axis.plot(*some, ".", color=BLUE, ms=4)
     inside = np.mean(np.abs(some[0] - 5.0) < 2.0)
@@ -648,12 +686,37 @@ more_claims("informed_rrt_star")
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.1), layout="constrained")
-points = np.array([[0.8, 1.0], [2.0, 4.8], [3.6, 1.4], [5.4, 3.4], [4.8, 7.4], [7.4, 5.6],
-                   [7.0, 1.6], [2.2, 8.2], [9.2, 8.8]]).T  # fmt: skip
+points = np.array(
+    [
+        [0.8, 1.0],
+        [2.0, 4.8],
+        [3.6, 1.4],
+        [5.4, 3.4],
+        [4.8, 7.4],
+        [7.4, 5.6],
+        [7.0, 1.6],
+        [2.2, 8.2],
+        [9.2, 8.8],
+    ]
+).T
 # The search proposes the shorter candidate first.
 assert length(points[:, [0, 2, 3, 5, 8]]) < length(points[:, [0, 1, 4, 8]])
-graph = [(0, 1), (0, 2), (1, 3), (2, 3), (1, 4), (3, 5), (4, 5), (2, 6), (6, 5), (1, 7), (7, 4),
-         (5, 8), (4, 8), (3, 4)]  # fmt: skip
+graph = [
+    (0, 1),
+    (0, 2),
+    (1, 3),
+    (2, 3),
+    (1, 4),
+    (3, 5),
+    (4, 5),
+    (2, 6),
+    (6, 5),
+    (1, 7),
+    (7, 4),
+    (5, 8),
+    (4, 8),
+    (3, 4),
+]
 states_ = (
     ("first candidate: one edge collides", {(0, 2): GREEN, (2, 3): GREEN, (3, 5): RED}),
     (
@@ -668,9 +731,12 @@ for axis, (title, inks) in zip(axes[1:], states_, strict=True):
         if title.startswith("second") and (i, j) == (3, 5):
             continue
         unchecked = title.startswith("first") and (i, j) == (5, 8)
-        _ = axis.plot(*points[:, [i, j]], color=GREY if unchecked else ink,
-                      ls="--" if unchecked else "-",
-                      lw=2.5 if unchecked or (i, j) in inks else 1.2)  # fmt: skip
+        _ = axis.plot(
+            *points[:, [i, j]],
+            color=GREY if unchecked else ink,
+            ls="--" if unchecked else "-",
+            lw=2.5 if unchecked or (i, j) in inks else 1.2,
+        )
     _ = axis.plot(*points, "o", color=GREY, ms=4)
     ends(axis, points[:, 0], points[:, 8])
     bare(axis, title)
@@ -707,8 +773,11 @@ for k, name in enumerate(("open", "tight")):
         centre, half = row[1:4], row[4:7]
         if half.max() < 0.9:
             axis.bar3d(*(centre - half), *(2 * half), color=ROSE, alpha=0.18, shade=False)
-    for q, ink in zip(query if name == "open" else place.query(np.random.default_rng(3)),
-                      (BLUE, GREEN), strict=True):  # fmt: skip
+    for q, ink in zip(
+        query if name == "open" else place.query(np.random.default_rng(3)),
+        (BLUE, GREEN),
+        strict=True,
+    ):
         flange = tip(panda(), q[:, None])
         finger = compose(flange, np.array([0, 0, 0.145, 1, 0, 0, 0])[:, None])
         joints = np.hstack(
@@ -880,9 +949,11 @@ counted = {(a, b): n for a, b, n in key("optimiser_minima", r"^(CHOMP|TrajOpt) +
 ((heavy,),) = key("optimiser_minima", r"^CHOMP with five times the weight: (\d+) collide")
 rows = table(
     ("optimiser", "free, at most 5 % over its shortest", "free, longer", "in collision"),
-    *((name, *(counted[name, x] for x in ("free, shortest", "free, longer", "collides")))
-      for name in ("CHOMP", "TrajOpt")),
-)  # fmt: skip
+    *(
+        (name, *(counted[name, x] for x in ("free, shortest", "free, longer", "collides")))
+        for name in ("CHOMP", "TrajOpt")
+    ),
+)
 Markdown(
     f"{rows.data}\n\nWith five times the weight of the obstacle cost, {heavy} of CHOMP's results collide."
 )
@@ -1102,8 +1173,11 @@ print(f"path {length(path):.2f} m, motion {motion.duration:.2f} s")
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(3.4, 3.2), layout="constrained")
 turn = np.linspace(0.3, 2 * np.pi - 0.3, 100)
-_ = axis.fill(np.append(np.cos(turn), 1.3 * np.cos(turn[::-1])),
-              np.append(np.sin(turn), 1.3 * np.sin(turn[::-1])), color=ROSE)  # fmt: skip
+_ = axis.fill(
+    np.append(np.cos(turn), 1.3 * np.cos(turn[::-1])),
+    np.append(np.sin(turn), 1.3 * np.sin(turn[::-1])),
+    color=ROSE,
+)
 turn = np.linspace(0.25, 2 * np.pi - 0.25, 100)
 edge_ = np.hstack(
     [r * np.array([np.cos(turn), np.sin(turn)])[:, ::k] for r, k in ((0.95, 1), (1.35, -1))]
@@ -1189,11 +1263,20 @@ ladder = {
 }
 built = key("shelf_ladder", r"^(open|tight) shelf: .* built in (\S+) s;")
 rows = table(
-    ("version (shelf unchanged)", "open shelf: solved", "median [ms]", "slowest [ms]",
-     "tight shelf: solved", "median [ms]", "slowest [ms]"),
-    *((f"{k}. {title}", *ladder[name, "open"], *ladder[name, "tight"])
-      for k, (name, title) in enumerate(VERSIONS.items(), 1)),
-)  # fmt: skip
+    (
+        "version (shelf unchanged)",
+        "open shelf: solved",
+        "median [ms]",
+        "slowest [ms]",
+        "tight shelf: solved",
+        "median [ms]",
+        "slowest [ms]",
+    ),
+    *(
+        (f"{k}. {title}", *ladder[name, "open"], *ladder[name, "tight"])
+        for k, (name, title) in enumerate(VERSIONS.items(), 1)
+    ),
+)
 once = " and ".join(f"{seconds} s at the {shelf} shelf" for shelf, seconds in built)
 # Three of the first versions with the ball: compiled, the medians are finite and the edges the same.
 (*_, few_), (solved_, of_, points_, edges_), (*_, proof_, _) = key(
@@ -1253,8 +1336,13 @@ more_claims("both_ends_first")
 # ![Share of seeds with a valid path against time, compared with OMPL, in four scenes](../docs/charts/plan_times.png)
 
 # %% tags=["hide-code"]
-SCENES = {"discs": "discs", "gap 10%": "wall with a 10 % gap", "gap 2%": "wall with a 2 % gap",
-          "4-link arm": "four-link arm", "7-R arm": "seven-joint arm at the shelf"}  # fmt: skip
+SCENES = {
+    "discs": "discs",
+    "gap 10%": "wall with a 10 % gap",
+    "gap 2%": "wall with a 2 % gap",
+    "4-link arm": "four-link arm",
+    "7-R arm": "seven-joint arm at the shelf",
+}
 pattern = (
     r"^(.*?) {2,}(ours|OMPL, our edge check|OMPL, Python states) +median +(\S+) ms, +(\S+) of ours; "
     r"(\d+) of (\d+)"
@@ -1263,13 +1351,24 @@ measured = {
     (a, b): rest for name in ("plan_times", "shelf_times") for a, b, *rest in key(name, pattern)
 }
 table(
-    ("scene", "this course, median [ms]", "OMPL, our edge check", "OMPL, Python function",
-     "Python function: paths in collision"),
-    *((title, measured[name, "ours"][0], f"{measured[name, 'OMPL, our edge check'][1]} times as long",
-       f"{measured[name, 'OMPL, Python states'][1]} times as long",
-       " of ".join(measured[name, "OMPL, Python states"][2:]))
-      for name, title in SCENES.items()),
-)  # fmt: skip
+    (
+        "scene",
+        "this course, median [ms]",
+        "OMPL, our edge check",
+        "OMPL, Python function",
+        "Python function: paths in collision",
+    ),
+    *(
+        (
+            title,
+            measured[name, "ours"][0],
+            f"{measured[name, 'OMPL, our edge check'][1]} times as long",
+            f"{measured[name, 'OMPL, Python states'][1]} times as long",
+            " of ".join(measured[name, "OMPL, Python states"][2:]),
+        )
+        for name, title in SCENES.items()
+    ),
+)
 
 # %% [markdown]
 # With the same compiled edge check, OMPL takes about as long as our planner in most scenes, and several times as long
@@ -1475,8 +1574,13 @@ plt.show()
 # </details>
 
 # %%
-figures(read("held_object"), "free edge, obstacles only", "free edge, and itself",
-        "free edge, and a cup", summary="Times, collisions and plans")  # fmt: skip
+figures(
+    read("held_object"),
+    "free edge, obstacles only",
+    "free edge, and itself",
+    "free edge, and a cup",
+    summary="Times, collisions and plans",
+)
 
 # %%
 more_claims("limits_keep_an_arm_from_itself")
@@ -1503,10 +1607,12 @@ figure_, axis = plt.subplots(figsize=(6.5, 2.7), layout="constrained")
 share_ = np.linspace(0.0, 1.0, 40)[:, None]
 direct = np.degrees(manifold.tilt(panda(), (begin_ + share_ * (aim_ - begin_)).T))
 _ = axis.semilogy(share_, direct, color=RED, label="straight edge from start to goal")
-worst_ = np.array([
-    np.degrees(manifold.tilt(panda(), (a + share_ * (b - a)).T)).max()
-    for a, b in zip(carried_.T, carried_.T[1:], strict=False)
-])  # fmt: skip
+worst_ = np.array(
+    [
+        np.degrees(manifold.tilt(panda(), (a + share_ * (b - a)).T)).max()
+        for a, b in zip(carried_.T, carried_.T[1:], strict=False)
+    ]
+)
 proved_ = np.degrees(manifold.chord_tilt(carried_[:, :-1], carried_[:, 1:]))
 at_ = (np.arange(worst_.size) + 0.5) / worst_.size
 _ = axis.plot(at_, proved_, "_", color=BLUE, ms=8, label="bound of each edge")
@@ -1587,11 +1693,26 @@ titles_ = {"ours, tilt proved": "ours, tilt proved", "ours, no proof": "ours, no
 }
 titles_[best_] += " (*OMPL, most solved*)"
 rows = table(
-    ("planner", "paths returned", "of these in collision", "queries solved", "largest tilt [°]",
-     "median time [ms]"),
-    *((title, runs_[name][5], runs_[name][4], "{1} of {2}".format(*runs_[name]), runs_[name][3],
-       runs_[name][0]) for name, title in titles_.items()),
-)  # fmt: skip
+    (
+        "planner",
+        "paths returned",
+        "of these in collision",
+        "queries solved",
+        "largest tilt [°]",
+        "median time [ms]",
+    ),
+    *(
+        (
+            title,
+            runs_[name][5],
+            runs_[name][4],
+            "{1} of {2}".format(*runs_[name]),
+            runs_[name][3],
+            runs_[name][0],
+        )
+        for name, title in titles_.items()
+    ),
+)
 ((step_, sure_),) = key("upright_cup", r"above a step of (\S+) rad, the bound above (\S+) rad$")
 summary_ = "The planners for the upright cup: collisions, tilts, times"
 Markdown(
@@ -1653,17 +1774,29 @@ figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
 # %% tags=["hide-code"]
 ((best_,),) = key("kinodynamic_bounds", r"^drawn of OMPL's is (.+) of a control, the least")
 rows = table(
-    ("planner", "solved", "of these, hit a post", "time of the trajectory / lower bound",
-     "median planning time [ms]"),
-    *(("OMPL, points" if name.startswith("OMPL") else name, f"{solved} of {asked}", hits, excess,
-       spent)
-      for name, solved, asked, spent, excess, hits in key(
-          "kinodynamic_bounds",
-          r"^(.+?): (\d+) of (\d+) solved, median \d+ samples and (\S+) ms; time over the lower "
-          r"bound (\S+) .*; (\d+) hit a post",
-      )
-      if not name.startswith("OMPL") or name == f"OMPL, {best_}"),
-)  # fmt: skip
+    (
+        "planner",
+        "solved",
+        "of these, hit a post",
+        "time of the trajectory / lower bound",
+        "median planning time [ms]",
+    ),
+    *(
+        (
+            "OMPL, points" if name.startswith("OMPL") else name,
+            f"{solved} of {asked}",
+            hits,
+            excess,
+            spent,
+        )
+        for name, solved, asked, spent, excess, hits in key(
+            "kinodynamic_bounds",
+            r"^(.+?): (\d+) of (\d+) solved, median \d+ samples and (\S+) ms; time over the lower "
+            r"bound (\S+) .*; (\d+) hit a post",
+        )
+        if not name.startswith("OMPL") or name == f"OMPL, {best_}"
+    ),
+)
 summary_ = "The planners of the comparison: solved, posts hit, times"
 Markdown(f"<details><summary>{summary_}</summary>\n\n{rows.data}\n\n</details>")
 
@@ -1883,13 +2016,20 @@ NAMES = {
     "turned: uniform": "uniform samples, worlds rotated by 90°",
     "turned: learned": "learned sampler, worlds rotated by 90°",
 }
-checks = {a.strip(): rest for a, *rest in key(
-    "learned_planners",
-    r"^(.{24,32}?) median +(\d+) checks \((\d+) to (\d+) by seed\), 90 % within (\d+)",
-)}  # fmt: skip
-rows = [("where samples come from",
-         "collision checks in the median of 200 worlds, by three seeds and networks: middle (smallest to largest)",
-         "90 % of the worlds within")]  # fmt: skip
+checks = {
+    a.strip(): rest
+    for a, *rest in key(
+        "learned_planners",
+        r"^(.{24,32}?) median +(\d+) checks \((\d+) to (\d+) by seed\), 90 % within (\d+)",
+    )
+}
+rows = [
+    (
+        "where samples come from",
+        "collision checks in the median of 200 worlds, by three seeds and networks: middle (smallest to largest)",
+        "90 % of the worlds within",
+    )
+]
 for name, title in NAMES.items():
     middle, least, largest, tail = (f"{int(n):,}" for n in checks[name])
     rows.append((title, f"{middle} ({least} to {largest})", tail))
@@ -2035,12 +2175,15 @@ edges_ = {
 }
 table(
     ("edge check", "a free edge [µs]", "a colliding edge [µs]"),
-    *((title, edges_["free", name], edges_["colliding", name])
-      for title, name in (
-          ("proof by conservative advancement", "conservative advancement"),
-          ("batches of 32 points, 0.05 rad", "batches of 32"),
-          ("the same points, one by one", "the same points, one by one"))),
-)  # fmt: skip
+    *(
+        (title, edges_["free", name], edges_["colliding", name])
+        for title, name in (
+            ("proof by conservative advancement", "conservative advancement"),
+            ("batches of 32 points, 0.05 rad", "batches of 32"),
+            ("the same points, one by one", "the same points, one by one"),
+        )
+    ),
+)
 
 # %% [markdown]
 # At 0.05 rad and at this shelf, our batches beat the same points one by one, but not the proof. (With VAMP's spheres,
@@ -2077,12 +2220,26 @@ plans_ = {
     )
 }
 rows = table(
-    ("program", f"a free edge, {AMONG} balls [µs]", "a colliding edge [µs]",
-     "a plan at the shelf, median (quartiles) [ms]", "plans found", "of these not confirmed by our proof"),
-    *((title, spent_["free", name], spent_["colliding", name], "{} ({} to {})".format(*plans_[name]),
-       "{3} of {4}".format(*plans_[name]), plans_[name][5])
-      for name, title in names_.items()),
-)  # fmt: skip
+    (
+        "program",
+        f"a free edge, {AMONG} balls [µs]",
+        "a colliding edge [µs]",
+        "a plan at the shelf, median (quartiles) [ms]",
+        "plans found",
+        "of these not confirmed by our proof",
+    ),
+    *(
+        (
+            title,
+            spent_["free", name],
+            spent_["colliding", name],
+            "{} ({} to {})".format(*plans_[name]),
+            "{3} of {4}".format(*plans_[name]),
+            plans_[name][5],
+        )
+        for name, title in names_.items()
+    ),
+)
 faster_ = float(spent_["free", "batches of 32"]) / float(spent_["free", "VAMP"])
 ((search_,),) = key("vamp_comparison", r"and its own search takes (\S+) ms$")
 pole_ = {

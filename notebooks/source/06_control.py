@@ -1154,8 +1154,13 @@ _ = right.plot([0.6, 0.6], [-0.8, 0.8], color="0.3", ls="--", lw=1)
 _ = right.plot([1.2, 1.2], [-0.6, 0.6], color="k", lw=4)
 _ = right.plot([3.0, 3.0], [0.1, 0.6], color="C0", lw=3)
 _ = right.plot([4.1, 4.1], [-0.8, 0.8], color="0.3", lw=3)
-for x, y, text in ((0.5, -1.05, "surface, untouched"), (1.2, 0.88, "hand"), (2.1, 0.6, "controller K"),
-                   (3.1, 0.65, "set-point"), (2.7, -0.72, "wall $k_e$")):  # fmt: skip
+for x, y, text in (
+    (0.5, -1.05, "surface, untouched"),
+    (1.2, 0.88, "hand"),
+    (2.1, 0.6, "controller K"),
+    (3.1, 0.65, "set-point"),
+    (2.7, -0.72, "wall $k_e$"),
+):
     _ = right.text(x, y, text, ha="center", fontsize=9)
 _ = right.set_title("in contact: one force runs through both springs", fontsize=10)
 for axis in axes:

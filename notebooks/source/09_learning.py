@@ -197,11 +197,19 @@ _ = axis.plot(grid, np.exp(-0.5 * (grid - mean) ** 2), color=GREY, label="policy
 for k, (a, A) in enumerate(zip(actions, advantage, strict=True)):
     ink, pull = (BLUE if A > 0 else ORANGE), 0.12 * A * (a - mean)
     _ = axis.plot(a, 0.0, "o", color=ink, mec="white")  # dots that overlap stay apart
-    _ = axis.annotate("", (a + pull, -0.1 - 0.06 * k), (a, -0.1 - 0.06 * k),
-                      arrowprops={"arrowstyle": "->", "color": ink})  # fmt: skip
+    _ = axis.annotate(
+        "",
+        (a + pull, -0.1 - 0.06 * k),
+        (a, -0.1 - 0.06 * k),
+        arrowprops={"arrowstyle": "->", "color": ink},
+    )
 step = 0.12 * np.mean(advantage * (actions - mean))
-_ = axis.annotate("", (mean + step, 1.1), (mean, 1.1),
-                  arrowprops={"arrowstyle": "-|>", "lw": 2.5, "color": "black"})  # fmt: skip
+_ = axis.annotate(
+    "",
+    (mean + step, 1.1),
+    (mean, 1.1),
+    arrowprops={"arrowstyle": "-|>", "lw": 2.5, "color": "black"},
+)
 _ = axis.axvline(goal, color=GREEN, ls="--", label="best action")
 _ = axis.text(
     0.02, 0.9, "blue: better than average\norange: worse", transform=axis.transAxes, va="top"
@@ -528,11 +536,16 @@ show("sparse_chance")
 
 # %% tags=["hide-code"]
 after = last("rewards")
-labels = {"potential": "potential (its difference, + prize)", "sparse": "sparse (prize only)",
-          "minus distance": "minus distance (+ prize, rescaled)",
-          "minus distance, not rescaled": "minus distance, not rescaled (+ prize)"}  # fmt: skip
-table(("reward", "share of the optimum after training", "interval"),
-      *((labels[k], f"{y:.2f}", f"{low:.2f} to {high:.2f}") for k, (y, low, high) in after.items()))  # fmt: skip
+labels = {
+    "potential": "potential (its difference, + prize)",
+    "sparse": "sparse (prize only)",
+    "minus distance": "minus distance (+ prize, rescaled)",
+    "minus distance, not rescaled": "minus distance, not rescaled (+ prize)",
+}
+table(
+    ("reward", "share of the optimum after training", "interval"),
+    *((labels[k], f"{y:.2f}", f"{low:.2f} to {high:.2f}") for k, (y, low, high) in after.items()),
+)
 
 # %% [markdown]
 # With the potential, PPO learns a policy that is close to the optimum. By default our PPO **rescales rewards**: it
@@ -572,9 +585,13 @@ show("hovering")
 # real task, with a point that never moves:
 
 # %% tags=["hide-code"]
-names = {"sparse": "prize only", "distance": "minus the distance + prize", "potential": "potential + prize",
-         "hover": "bonus of 0.02 for each step within 0.5 m + prize",
-         "once": "the same bonus, paid once, + prize"}  # fmt: skip
+names = {
+    "sparse": "prize only",
+    "distance": "minus the distance + prize",
+    "potential": "potential + prize",
+    "hover": "bonus of 0.02 for each step within 0.5 m + prize",
+    "once": "the same bonus, paid once, + prize",
+}
 rows = [("reward", "fastest policy", "never moving")]
 for kind, name in names.items():
     paid = PointReachVector(64, kind, autoreset_mode="SameStep")
@@ -1086,36 +1103,55 @@ more_claims("pauses")
 # %% tags=["hide-code"]
 f = figure
 methods = (
-    ("PPO", "a fast simulator, and a reward whose optimum you know", "no demonstrations, but many environment steps",
-     f"with a potential, {after['potential'][0]:.0%} of the optimum on the point (but a search for two gains also "
-     f"reaches {f('two_gains', 'share'):.0%})",
-     f"sparse rewards: chance succeeds in {f('sparse_chance', 'measured'):.1%} of the episodes",
-     f("two_gains", "share") > 0.8 and f("sparse_chance", "measured") < 0.05),
-    ("cloning", "an expert, and a closed loop in which errors die out", "labels that cover the states",
-     f"with a mixture head {passed['mixture']:.0%} pass the two-route task",
-     f"with the squared error {passed['mean']:.1%} pass; a perfect fit can be unstable (radius "
-     f"{f('perfect_fit', 'copy'):.2f})",
-     passed["mean"] < 0.05 < passed["mixture"] and f("perfect_fit", "copy") > 1.0),
-    ("DAgger", "an expert who can be asked in any state", "labels in the learner's own states",
-     f"repairs drift: radius {f('dagger_fixes_drift', 'mended'):.2f}, if something takes the learner off the line",
-     f"changes nothing if its rounds never leave the demonstrated line ({f('dagger_fixes_drift', 'quiet'):.2f}); "
-     "hurts a network that is trained too briefly",
-     f("dagger_fixes_drift", "mended") < 1.0 < f("dagger_fixes_drift", "quiet")
-     and f("dagger_needs_room", "short_dagger") > f("dagger_needs_room", "short_clone")),
-    ("diffusion, flow matching", "several modes, actions with many components",
-     "demonstrations that contain every mode",
-     f"holds both modes: {passed['diffusion']:.0%} and {passed['flow']:.0%} pass",
-     f"about ten evaluations per chunk; our small network leads {f('diffusion_between', 'ten'):.0%} of its first "
-     "chunks into the obstacle; drifted on the regulator like the linear clone",
-     min(passed["diffusion"], passed["flow"]) > 0.7 and f("diffusion_mends_drift", "lost") > 0.9),
-    ("chunks with a code, like ACT", "long smooth motions, demonstrators who pause",
-     "demonstrations that contain every mode",
-     f"executing more steps than a pause lasts gets through it ({f('pauses', 'through'):.0%} stuck, otherwise "
-     f"{f('pauses', 'stuck'):.0%})",
-     f"with the code at zero {passed['autoencoder, z = 0']:.0%} pass; long chunks react late",
-     f("pauses", "through") == 0.0 and passed["autoencoder, z = 0"] < passed["autoencoder"]
-     and f("react_less", "eight") < f("react_less", "two")),
-)  # fmt: skip
+    (
+        "PPO",
+        "a fast simulator, and a reward whose optimum you know",
+        "no demonstrations, but many environment steps",
+        f"with a potential, {after['potential'][0]:.0%} of the optimum on the point (but a search for two gains also "
+        f"reaches {f('two_gains', 'share'):.0%})",
+        f"sparse rewards: chance succeeds in {f('sparse_chance', 'measured'):.1%} of the episodes",
+        f("two_gains", "share") > 0.8 and f("sparse_chance", "measured") < 0.05,
+    ),
+    (
+        "cloning",
+        "an expert, and a closed loop in which errors die out",
+        "labels that cover the states",
+        f"with a mixture head {passed['mixture']:.0%} pass the two-route task",
+        f"with the squared error {passed['mean']:.1%} pass; a perfect fit can be unstable (radius "
+        f"{f('perfect_fit', 'copy'):.2f})",
+        passed["mean"] < 0.05 < passed["mixture"] and f("perfect_fit", "copy") > 1.0,
+    ),
+    (
+        "DAgger",
+        "an expert who can be asked in any state",
+        "labels in the learner's own states",
+        f"repairs drift: radius {f('dagger_fixes_drift', 'mended'):.2f}, if something takes the learner off the line",
+        f"changes nothing if its rounds never leave the demonstrated line ({f('dagger_fixes_drift', 'quiet'):.2f}); "
+        "hurts a network that is trained too briefly",
+        f("dagger_fixes_drift", "mended") < 1.0 < f("dagger_fixes_drift", "quiet")
+        and f("dagger_needs_room", "short_dagger") > f("dagger_needs_room", "short_clone"),
+    ),
+    (
+        "diffusion, flow matching",
+        "several modes, actions with many components",
+        "demonstrations that contain every mode",
+        f"holds both modes: {passed['diffusion']:.0%} and {passed['flow']:.0%} pass",
+        f"about ten evaluations per chunk; our small network leads {f('diffusion_between', 'ten'):.0%} of its first "
+        "chunks into the obstacle; drifted on the regulator like the linear clone",
+        min(passed["diffusion"], passed["flow"]) > 0.7 and f("diffusion_mends_drift", "lost") > 0.9,
+    ),
+    (
+        "chunks with a code, like ACT",
+        "long smooth motions, demonstrators who pause",
+        "demonstrations that contain every mode",
+        f"executing more steps than a pause lasts gets through it ({f('pauses', 'through'):.0%} stuck, otherwise "
+        f"{f('pauses', 'stuck'):.0%})",
+        f"with the code at zero {passed['autoencoder, z = 0']:.0%} pass; long chunks react late",
+        f("pauses", "through") == 0.0
+        and passed["autoencoder, z = 0"] < passed["autoencoder"]
+        and f("react_less", "eight") < f("react_less", "two"),
+    ),
+)
 assert all(row[-1] for row in methods)
 table(
     ("method", "when to use it", "what it needs", "strength", "weakness"),
@@ -1180,8 +1216,10 @@ def score(gain, seed):
 
 tasks = [{"gain": gain, "seed": seed} for gain in (0.25, 1.0, 4.0) for seed in (0, 64)]
 results = sweep(score, tasks)
-table(("gain", "seed", "mean return"),
-      *((j["gain"], j["seed"], f"{r:.3f}") for j, r in zip(tasks, results, strict=True)))  # fmt: skip
+table(
+    ("gain", "seed", "mean return"),
+    *((j["gain"], j["seed"], f"{r:.3f}") for j, r in zip(tasks, results, strict=True)),
+)
 
 # %% [markdown]
 # ## 6 · Code: a complete learner
@@ -1247,16 +1285,32 @@ simulation("point")
 
 # %% tags=["hide-code"]
 steps_, time_ = stored("learning_curves")
-names = {"ours, 16 wide": "this course, 16 units per layer", "ours, 64 wide": "this course, 64 units per layer",
-         "Stable-Baselines3": "Stable-Baselines3, 64 units per layer",
-         "search, linear policy": "search, linear policy"}  # fmt: skip
-table(("method", "environment steps", "share of the optimum", "interval", "processor time [s]"),
-      *((names.get(a.label, a.label), f"{a.x[-1]:,.0f}", f"{a.y[-1]:.2f}",
-         f"{a.low[-1]:.2f} to {a.high[-1]:.2f}", f"{b.x[-1]:.1f}")
-        for a, b in zip(steps_.series, time_.series, strict=True)),
-      ("random search, two gains of a PD law", f"{figure('two_gains', 'steps'):,.0f}",
-       f"{figure('two_gains', 'share'):.2f}", f"worst of ten {figure('two_gains', 'least'):.2f}",
-       "not timed"))  # fmt: skip
+names = {
+    "ours, 16 wide": "this course, 16 units per layer",
+    "ours, 64 wide": "this course, 64 units per layer",
+    "Stable-Baselines3": "Stable-Baselines3, 64 units per layer",
+    "search, linear policy": "search, linear policy",
+}
+table(
+    ("method", "environment steps", "share of the optimum", "interval", "processor time [s]"),
+    *(
+        (
+            names.get(a.label, a.label),
+            f"{a.x[-1]:,.0f}",
+            f"{a.y[-1]:.2f}",
+            f"{a.low[-1]:.2f} to {a.high[-1]:.2f}",
+            f"{b.x[-1]:.1f}",
+        )
+        for a, b in zip(steps_.series, time_.series, strict=True)
+    ),
+    (
+        "random search, two gains of a PD law",
+        f"{figure('two_gains', 'steps'):,.0f}",
+        f"{figure('two_gains', 'share'):.2f}",
+        f"worst of ten {figure('two_gains', 'least'):.2f}",
+        "not timed",
+    ),
+)
 
 # %% [markdown]
 # With the same network, the intervals of ours and the library overlap after the same number of steps.
@@ -1350,11 +1404,16 @@ others = {"below": [], "inside": [], "above": []}
 for seed, x, y in points:
     if seed:
         others["below" if x < low else "above" if x > high else "inside"].append(y >= 0.8)
-table(("divergence per iteration [nats], borders from one seed", "runs of the other seeds",
-       "of them at 80 % or above"),
-      (f"below {low:.4f}", len(others["below"]), sum(others["below"])),
-      (f"{low:.4f} to {high:.4f}", len(others["inside"]), sum(others["inside"])),
-      (f"above {high:.4f}", len(others["above"]), sum(others["above"])))  # fmt: skip
+table(
+    (
+        "divergence per iteration [nats], borders from one seed",
+        "runs of the other seeds",
+        "of them at 80 % or above",
+    ),
+    (f"below {low:.4f}", len(others["below"]), sum(others["below"])),
+    (f"{low:.4f} to {high:.4f}", len(others["inside"]), sum(others["inside"])),
+    (f"above {high:.4f}", len(others["above"]), sum(others["above"])),
+)
 
 # %% [markdown]
 # ### Three tips for debugging
@@ -1744,12 +1803,28 @@ executors = (
 )
 runs = from_record("learning.executed", executed, executors, close=0.02)
 figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
-rows = [("executed", "two routes (mixture): pass", "with disturbances of 50 mm", "regulator: lost",
-         "trained with disturbances: lost", "third task: wrong of 40")]  # fmt: skip
+rows = [
+    (
+        "executed",
+        "two routes (mixture): pass",
+        "with disturbances of 50 mm",
+        "regulator: lost",
+        "trained with disturbances: lost",
+        "third task: wrong of 40",
+    )
+]
 for (name, *_), (rates, lost_plain, lost_trained, wrong) in zip(executors, runs, strict=True):
     _ = axis.plot([1000 * x for x in noises], rates, ".-", label=name)
-    rows.append((name, f"{rates[0]:.0%}", f"{rates[-1]:.0%}", f"{lost_plain:.0%}",
-                 f"{lost_trained:.0%}", f"{wrong:.0f}"))  # fmt: skip
+    rows.append(
+        (
+            name,
+            f"{rates[0]:.0%}",
+            f"{rates[-1]:.0%}",
+            f"{lost_plain:.0%}",
+            f"{lost_trained:.0%}",
+            f"{wrong:.0f}",
+        )
+    )
 _ = axis.set(xlabel="disturbance per step [mm]", ylabel="two routes: share that passes")
 _ = axis.legend(fontsize=7)
 plt.show()

@@ -930,8 +930,19 @@ boxes = {
 }
 for name, (x, y) in boxes.items():
     real_time = name.startswith(("controller", "drives"))
-    _ = axis.text(x, y, name, ha="center", va="center", fontsize=9, bbox={
-        "boxstyle": "round,pad=0.4", "fc": "#ffebee" if real_time else "#e8eaf6", "ec": "black"})  # fmt: skip
+    _ = axis.text(
+        x,
+        y,
+        name,
+        ha="center",
+        va="center",
+        fontsize=9,
+        bbox={
+            "boxstyle": "round,pad=0.4",
+            "fc": "#ffebee" if real_time else "#e8eaf6",
+            "ec": "black",
+        },
+    )
 arrows = [
     ((0.55, 0), (1.65, 0), "best effort\ndepth 1"),
     ((3.15, 0), (4.2, 0), "best effort\ndepth 1\ndeadline"),
@@ -945,8 +956,15 @@ _ = axis.plot([7.2, 7.2, 2.4], [0.4, 1.15, 1.15], color=BLUE, lw=1.2)
 for x in (2.4, 4.8):
     _ = axis.annotate("", (x, 0.95), (x, 1.16), arrowprops={"arrowstyle": "->", "color": BLUE})
 _ = axis.annotate("", (5.15, -1.2), (6.75, -0.35), arrowprops={"arrowstyle": "->", "color": BLUE})
-_ = axis.text(6.0, 1.2, "joint states: best effort, depth 1", ha="center", va="bottom",
-              fontsize=8.5, color=BLUE)  # fmt: skip
+_ = axis.text(
+    6.0,
+    1.2,
+    "joint states: best effort, depth 1",
+    ha="center",
+    va="bottom",
+    fontsize=8.5,
+    color=BLUE,
+)
 for begin, end, words in arrows:
     _ = axis.annotate("", end, begin, arrowprops={"arrowstyle": "->"})
     x, y = (begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2
@@ -1248,19 +1266,37 @@ Markdown(
 figure_, axis = plt.subplots(figsize=(8.6, 1.7), layout="constrained")
 steps = ["unconfigured", "inactive", "active"]
 for k, name in enumerate(steps):
-    _ = axis.text(2.1 * k, 0, name, ha="center", va="center", fontsize=9,
-                  bbox={"boxstyle": "round,pad=0.4", "fc": "#e8eaf6", "ec": "black"})  # fmt: skip
+    _ = axis.text(
+        2.1 * k,
+        0,
+        name,
+        ha="center",
+        va="center",
+        fontsize=9,
+        bbox={"boxstyle": "round,pad=0.4", "fc": "#e8eaf6", "ec": "black"},
+    )
 for k, word in enumerate(("configure:\ncheck sizes", "activate")):
     _ = axis.annotate("", (2.1 * k + 1.45, 0), (2.1 * k + 0.65, 0), arrowprops={"arrowstyle": "->"})
     _ = axis.text(2.1 * k + 1.05, 0.12, word, ha="center", va="bottom", fontsize=8)
 for k, word in enumerate(("read encoders", "update", "write torques")):
-    _ = axis.text(5.9 + 1.45 * k, 0, word, ha="center", va="center", fontsize=9,
-                  bbox={"boxstyle": "round,pad=0.3", "fc": "#ffebee", "ec": "#c62828"})  # fmt: skip
+    _ = axis.text(
+        5.9 + 1.45 * k,
+        0,
+        word,
+        ha="center",
+        va="center",
+        fontsize=9,
+        bbox={"boxstyle": "round,pad=0.3", "fc": "#ffebee", "ec": "#c62828"},
+    )
 for begin in (6.65, 7.8):
     _ = axis.annotate("", (begin + 0.25, 0), (begin, 0), arrowprops={"arrowstyle": "->"})
 _ = axis.annotate("", (5.15, 0), (4.65, 0), arrowprops={"arrowstyle": "->", "ls": "--"})
-_ = axis.annotate("", (5.9, -0.25), (8.8, -0.25), arrowprops={
-    "arrowstyle": "->", "connectionstyle": "arc3,rad=-0.25"})  # fmt: skip
+_ = axis.annotate(
+    "",
+    (5.9, -0.25),
+    (8.8, -0.25),
+    arrowprops={"arrowstyle": "->", "connectionstyle": "arc3,rad=-0.25"},
+)
 _ = axis.text(7.35, -0.82, "every millisecond, while active", ha="center", va="center", fontsize=8)
 _ = axis.set(xlim=(-0.9, 9.9), ylim=(-1.0, 0.6))
 axis.axis("off")
@@ -1372,25 +1408,47 @@ from course.simulations.middleware import CAMERA, HOLD, LOOP, PACKETS, SEEING
 slow, once = SEEING / 0.4, SEEING / 0.7
 table(
     ("preset", "what is broken", "what happens", "prediction, or fix"),
-    ("Mismatch", "best effort offered, reliable requested", "silence",
-        f"{', '.join(compatible(QoS('best_effort'), QoS()))} is incompatible"),
-    ("Lossy wire", "one packet in a thousand is lost", "images are missing",
+    (
+        "Mismatch",
+        "best effort offered, reliable requested",
+        "silence",
+        f"{', '.join(compatible(QoS('best_effort'), QoS()))} is incompatible",
+    ),
+    (
+        "Lossy wire",
+        "one packet in a thousand is lost",
+        "images are missing",
         f"{transport.expected_loss(PACKETS, 1e-3):.0%} of the images; with reliable none, after "
-        f"{transport.expected_rounds(PACKETS, 1e-3):.2f} rounds of sending on average"),
-    ("Deep queue", "perception slower than the camera, depth 10", "all commands are old",
-        f"9 camera periods of {1e3 * CAMERA:.1f} ms in the queue: {9e3 * CAMERA:.0f} ms"),
-    ("Overload", "the loop shares perception's thread", "cycles late and skipped",
+        f"{transport.expected_rounds(PACKETS, 1e-3):.2f} rounds of sending on average",
+    ),
+    (
+        "Deep queue",
+        "perception slower than the camera, depth 10",
+        "all commands are old",
+        f"9 camera periods of {1e3 * CAMERA:.1f} ms in the queue: {9e3 * CAMERA:.0f} ms",
+    ),
+    (
+        "Overload",
+        "the loop shares perception's thread",
+        "cycles late and skipped",
         f"late by up to {1e3 * (once + LOOP):.1f} ms, if a cycle is due just after the thread has made its list: the "
         f"list holds the previous cycle ({1e3 * LOOP:.1f} ms) and perception ({1e3 * once:.1f} ms, because other "
-        f"programs on the core stretch its {1e3 * SEEING:.0f} ms)"),
-    ("Inversion", "a logger holds a lock that the loop needs; perception, more urgent, interrupts the logger",
+        f"programs on the core stretch its {1e3 * SEEING:.0f} ms)",
+    ),
+    (
+        "Inversion",
+        "a logger holds a lock that the loop needs; perception, more urgent, interrupts the logger",
         "the loop waits for perception",
         f"{1e3 * HOLD:.0f} ms for the lock and {1e3 * SEEING:.0f} ms for perception; with "
-        f"inheritance only {1e3 * HOLD:.0f} ms"),
-    ("Late monitor", "a forbidden zone is published once, volatile, before the monitor starts",
+        f"inheritance only {1e3 * HOLD:.0f} ms",
+    ),
+    (
+        "Late monitor",
+        "a forbidden zone is published once, volatile, before the monitor starts",
         "the monitor never learns the zone",
-        "fix: transient local and reliable at both ends"),
-)  # fmt: skip
+        "fix: transient local and reliable at both ends",
+    ),
+)
 
 # %% [markdown]
 # ## 6 · Speed: what a message costs
@@ -1414,8 +1472,12 @@ work = {
 lines = [("transport", "what it does", "64 bytes", "16 kB", "one VGA image")]
 for one in stored("round_trips")[0].series:
     # The stored sizes are rounded to six digits.
-    by_size = {size: y for x, y in zip(one.x, one.y, strict=True)
-               for size in (64, 16384, 921600) if abs(x / size - 1) < 1e-3}  # fmt: skip
+    by_size = {
+        size: y
+        for x, y in zip(one.x, one.y, strict=True)
+        for size in (64, 16384, 921600)
+        if abs(x / size - 1) < 1e-3
+    }
     if 16384 in by_size:
         cells = [f"{y:,.0f}" if y >= 100 else f"{y:.2g}" for y in by_size.values()]
         lines.append((one.label, work[one.label], *cells))
@@ -1580,10 +1642,14 @@ more_claims("joint_states_reliable")
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(2, 1, figsize=(8, 2.6), layout="constrained", sharex=True)
-fair = {"loop": [(3.0, 3.3, BLUE), (6.3, 6.6, BLUE)],
-        "other processes": [(0, 3.0, GREY), (3.3, 6.3, GREY), (6.6, 8.0, GREY)]}  # fmt: skip
-fifo = {"loop": [(k, k + 0.3, BLUE) for k in range(8)],
-        "other processes": [(k + 0.3, k + 1.0, GREY) for k in range(8)]}  # fmt: skip
+fair = {
+    "loop": [(3.0, 3.3, BLUE), (6.3, 6.6, BLUE)],
+    "other processes": [(0, 3.0, GREY), (3.3, 6.3, GREY), (6.6, 8.0, GREY)],
+}
+fifo = {
+    "loop": [(k, k + 0.3, BLUE) for k in range(8)],
+    "other processes": [(k + 0.3, k + 1.0, GREY) for k in range(8)],
+}
 for axis, rows_, title in zip(axes, (fair, fifo), ("fair scheduler", "SCHED_FIFO"), strict=True):
     timeline(axis, rows_)
     _ = axis.set_title(f"{title} (sketch; red: the loop is due)", fontsize=9)
@@ -1603,13 +1669,27 @@ plt.show()
 
 # %% tags=["hide-code"]
 row = r"(.+): skipped (\d+) of (\d+) periods; late by ([\d.]+) ms \(half\), ([\d.]+) \(99 %\), ([\d.]+)"
-lines = [("scheduler", "periods skipped", "median lateness", "99% are below", "largest",
-          "largest stable gain")]  # fmt: skip
+lines = [
+    (
+        "scheduler",
+        "periods skipped",
+        "median lateness",
+        "99% are below",
+        "largest",
+        "largest stable gain",
+    )
+]
 for name, *numbers in re.findall(row, read("loop_lateness")):
     skipped, periods, *late_ms = map(float, numbers)
     gain = delay_limit(0.5, 0.5, 1e-3 * late_ms[2] + 0.5e-3)[0]
-    lines.append((name, f"{skipped:.0f} of {periods:.0f}", *(f"{v:.2f} ms" for v in late_ms),
-                  f"{gain:.0f} N m/rad"))  # fmt: skip
+    lines.append(
+        (
+            name,
+            f"{skipped:.0f} of {periods:.0f}",
+            *(f"{v:.2f} ms" for v in late_ms),
+            f"{gain:.0f} N m/rad",
+        )
+    )
 table(*lines)
 
 # %% [markdown]
@@ -1770,14 +1850,23 @@ def lookup_at(requested, offset=0.0):
 table(
     ("what is wrong", "lookup of the pose 0.1 s ago", "how to tell"),
     ("nothing", lookup_at(19.9), ""),
-    ("the sender's clock is 50 ms behind", lookup_at(19.9, -0.05),
-     "compare the clocks; the error grows with the speed"),
+    (
+        "the sender's clock is 50 ms behind",
+        lookup_at(19.9, -0.05),
+        "compare the clocks; the error grows with the speed",
+    ),
     ("the sender's clock is 200 ms behind", lookup_at(19.9, -0.2), "exception"),
-    ("sender on wall time, this node on simulated time", lookup_at(19.9, 1.7e9),
-     "stamps of about 1.7e9 s next to stamps near 0"),
-    ("sender on simulated time, this node on wall time", lookup_at(1.7e9 - 0.1),
-     "the same, the other way round"),
-)  # fmt: skip
+    (
+        "sender on wall time, this node on simulated time",
+        lookup_at(19.9, 1.7e9),
+        "stamps of about 1.7e9 s next to stamps near 0",
+    ),
+    (
+        "sender on simulated time, this node on wall time",
+        lookup_at(1.7e9 - 0.1),
+        "the same, the other way round",
+    ),
+)
 
 # %% [markdown]
 # The dangerous row is the second one: a small offset raises no exception. The error is about speed times offset.
@@ -2253,16 +2342,30 @@ your_robot(10)
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8.4, 2.2), layout="constrained")
-timeline(axis, {
-    "inference (100 ms)": [(100 * k, 100 * k + 99, ORANGE) for k in range(4)],
-    "chunk of 5 actions": [(100 * (k + 1) + 20 * i, 100 * (k + 1) + 20 * i + 20, BLUE)
-                           for k in range(3) for i in range(5)],
-})  # fmt: skip
+timeline(
+    axis,
+    {
+        "inference (100 ms)": [(100 * k, 100 * k + 99, ORANGE) for k in range(4)],
+        "chunk of 5 actions": [
+            (100 * (k + 1) + 20 * i, 100 * (k + 1) + 20 * i + 20, BLUE)
+            for k in range(3)
+            for i in range(5)
+        ],
+    },
+)
 for k in range(4):
     _ = axis.plot(100 * k, 0.45, "v", color=GREEN, ms=9)
 _ = axis.annotate("", (200, -0.5), (0, -0.5), arrowprops={"arrowstyle": "<->", "color": RED})
-_ = axis.text(100, -0.5, "age of the image at the chunk's end", ha="center", va="center",
-              color=RED, fontsize=8.5, bbox={"fc": "white", "ec": "none", "pad": 1})  # fmt: skip
+_ = axis.text(
+    100,
+    -0.5,
+    "age of the image at the chunk's end",
+    ha="center",
+    va="center",
+    color=RED,
+    fontsize=8.5,
+    bbox={"fc": "white", "ec": "none", "pad": 1},
+)
 _ = axis.set_title("green: an image is taken", fontsize=9)
 plt.show()
 

@@ -114,8 +114,10 @@ def test_the_preset_of_the_pyramid_lies_between_cone_and_pyramid():
     run.choose("A pyramid around the cone")
     pull = run.controls["size"]
     assert number(run, "limit μ × normal") < pull < number(run, "limit of pyramid")
-    names = {name: Experiment(friction_cone.MODEL, **preset.values)
-             for name, preset in friction_cone.MODEL.presets.items()}  # fmt: skip
+    names = {
+        name: Experiment(friction_cone.MODEL, **preset.values)
+        for name, preset in friction_cone.MODEL.presets.items()
+    }
     modes = {name: each.picture().numbers["contact"] for name, each in names.items()}
     assert modes["It sticks"] == "sticks" and modes["It slides"] == "slides"
 

@@ -338,14 +338,16 @@ BAD = [
     (lambda: contact.distance(CUBE, (0, 0, 0), CUBE, at()), "pose_a.shape"),
     (lambda: contact.distance(CUBE, at(), contact.sphere(1.0, 2), (0, 0, 0)), "b.dim"),
     (lambda: contact.distance(contact.plane(), at(), contact.plane(), at()), "no plane"),
-    (lambda: contact.distance(CUBE, np.tile(at()[:, None], 2), CUBE, np.tile(at()[:, None], 3)),
-     "pose_a.shape"),
+    (
+        lambda: contact.distance(CUBE, np.tile(at()[:, None], 2), CUBE, np.tile(at()[:, None], 3)),
+        "pose_a.shape",
+    ),
     (lambda: contact.enumerated(FLAT, at(), CUBE, at()), "a box, a capsule or a sphere"),
     (lambda: contact.contacts([], np.zeros((7, 0))), "shapes"),
     (lambda: contact.contacts([CUBE, CUBE], at()[:, None]), "a column for each shape"),
     (lambda: contact.contacts([CUBE, contact.sphere(1, 2)], at()[:, None]), "one dimension"),
     (lambda: contact.contacts([CUBE], at()[:, None], margin=-1.0), "margin"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("call", "words"), BAD, ids=range(len(BAD)))

@@ -405,10 +405,13 @@ def test_a_record_is_read_as_it_was_written(tmp_path, monkeypatch):
         "texts": "0123456789abcdef",
         "inputs": {"n": 3.0, "method": 'the "sweeping" one'},
         "figures": {
-            "a": [1.0, 1e-6], "b": [float("inf"), 0.1], "c": [2e-300, 0.5], "d": ["three", 0.0],
+            "a": [1.0, 1e-6],
+            "b": [float("inf"), 0.1],
+            "c": [2e-300, 0.5],
+            "d": ["three", 0.0],
             "e": [0.1234567890123456, 1e-12],
         },
-    }  # fmt: skip
+    }
     records.save("odd.sums", {"two": entry, "one": entry})
     assert records.load("odd.sums") == {"one": entry, "two": entry}
     assert list(records.load("odd.sums")) == ["one", "two"]

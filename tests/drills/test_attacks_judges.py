@@ -42,44 +42,85 @@ VectorizedEnv.step = step
 WRONG = {
     "bounce: another default gravity": ("bounce_step", ("gravity: float = 9.81", "gravity=9.8")),
     "bounce: hops of a micrometre cut off": (
-        "bounce_step", ("    up = restitution * impact\n", "    up = restitution * impact\n"
-         "    if up < 0.01:\n        return 0.0, 0.0\n")),
-    "observed_order: another default ratio":
-        ("observed_order", ("ratio: float = 2.0", "ratio: float = 3.0")),
+        "bounce_step",
+        (
+            "    up = restitution * impact\n",
+            "    up = restitution * impact\n    if up < 0.01:\n        return 0.0, 0.0\n",
+        ),
+    ),
+    "observed_order: another default ratio": (
+        "observed_order",
+        ("ratio: float = 2.0", "ratio: float = 3.0"),
+    ),
     "observed_order: differences that stay": (
-        "observed_order", ("0.0 < second < first < math.inf", "0.0 < second <= first"),
-        ("(growth - 1.0)", "(growth - 1.0 + 1e-300)")),
+        "observed_order",
+        ("0.0 < second < first < math.inf", "0.0 < second <= first"),
+        ("(growth - 1.0)", "(growth - 1.0 + 1e-300)"),
+    ),
     "rrt: a generator of its own": (
-        "rrt", ("GOAL_BIAS = 0.1", "GOAL_BIAS = 0.1\nRNG = np.random.default_rng(3)"),
-        (TARGET, TARGET.replace("rng.", "RNG."))),
+        "rrt",
+        ("GOAL_BIAS = 0.1", "GOAL_BIAS = 0.1\nRNG = np.random.default_rng(3)"),
+        (TARGET, TARGET.replace("rng.", "RNG.")),
+    ),
     "rrt: numpy.random beside rng": (
-        "rrt", ("GOAL_BIAS = 0.1", "GOAL_BIAS = 0.1\nnp.random.seed(3)"),
-        ("rng.random() < GOAL_BIAS", "np.random.random() < GOAL_BIAS")),
-    "rrt: every tenth target is the goal":
-        ("rrt", ("rng.random() < GOAL_BIAS", "len(samples) % 10 == 9")),
-    "rrt: targets pushed onto the border": ("rrt", ("rng.uniform(low, high)",
-         "np.clip(rng.normal((low + high) / 2, (high - low) / 3), low, high)")),
-    "pid: an integral that knows the upper limit only":
-        ("PID", (" or (desired < self.u_min and error < 0.0)", "")),
-    "pid: an integral that knows the lower limit only":
-        ("PID", ("(desired > self.u_max and error > 0.0) or ", "")),
-    "randomize: noise from a generator of its own":
-        ("DomainRandomizer", OWN, ("observation + rng.normal", "observation + RNG.normal")),
-    "randomize: delay from a generator of its own":
-        ("DomainRandomizer", OWN, ("int(rng.integers", "int(RNG.integers")),
+        "rrt",
+        ("GOAL_BIAS = 0.1", "GOAL_BIAS = 0.1\nnp.random.seed(3)"),
+        ("rng.random() < GOAL_BIAS", "np.random.random() < GOAL_BIAS"),
+    ),
+    "rrt: every tenth target is the goal": (
+        "rrt",
+        ("rng.random() < GOAL_BIAS", "len(samples) % 10 == 9"),
+    ),
+    "rrt: targets pushed onto the border": (
+        "rrt",
+        (
+            "rng.uniform(low, high)",
+            "np.clip(rng.normal((low + high) / 2, (high - low) / 3), low, high)",
+        ),
+    ),
+    "pid: an integral that knows the upper limit only": (
+        "PID",
+        (" or (desired < self.u_min and error < 0.0)", ""),
+    ),
+    "pid: an integral that knows the lower limit only": (
+        "PID",
+        ("(desired > self.u_max and error > 0.0) or ", ""),
+    ),
+    "randomize: noise from a generator of its own": (
+        "DomainRandomizer",
+        OWN,
+        ("observation + rng.normal", "observation + RNG.normal"),
+    ),
+    "randomize: delay from a generator of its own": (
+        "DomainRandomizer",
+        OWN,
+        ("int(rng.integers", "int(RNG.integers"),
+    ),
     "randomize: mass factors even in their logarithm": (
-        "DomainRandomizer", ("rng.uniform(*self.mass, size=model.nbody)",
-         "np.exp(rng.uniform(*np.log(self.mass), size=model.nbody))")),
+        "DomainRandomizer",
+        (
+            "rng.uniform(*self.mass, size=model.nbody)",
+            "np.exp(rng.uniform(*np.log(self.mass), size=model.nbody))",
+        ),
+    ),
     "randomize: other default masses": ("DomainRandomizer", ("(0.7, 1.3)", "(0.8, 1.2)")),
-    "randomize: another default delay":
-        ("DomainRandomizer", ("delay: tuple[int, int] = (0, 3)", "delay=(0, 2)")),
-    "randomize: another default noise":
-        ("DomainRandomizer", ("noise: float = 0.01", "noise: float = 0.02")),
-    "randomize: torsional friction of a pair":
-        ("DomainRandomizer", ("pair_friction[:, :2]", "pair_friction[:, :3]")),
-    "randomize: a delay before the first draw":
-        ("DomainRandomizer", ("self.steps = 0", "self.steps = 1")),
-}  # fmt: skip
+    "randomize: another default delay": (
+        "DomainRandomizer",
+        ("delay: tuple[int, int] = (0, 3)", "delay=(0, 2)"),
+    ),
+    "randomize: another default noise": (
+        "DomainRandomizer",
+        ("noise: float = 0.01", "noise: float = 0.02"),
+    ),
+    "randomize: torsional friction of a pair": (
+        "DomainRandomizer",
+        ("pair_friction[:, :2]", "pair_friction[:, :3]"),
+    ),
+    "randomize: a delay before the first draw": (
+        "DomainRandomizer",
+        ("self.steps = 0", "self.steps = 1"),
+    ),
+}
 
 
 def exercise_of(entry: str) -> str:

@@ -171,15 +171,20 @@ def test_a_symmetric_top_is_right_and_what_is_done_to_it_is_found(rng):
     broken[at, axis] *= 1.001
     swapped = R[:, :, [1, 0, 2]]
     batch = {
-        "right": (R, w, moments, 0), "backwards": (R[::-1], -w[::-1], moments, 0),
+        "right": (R, w, moments, 0),
+        "backwards": (R[::-1], -w[::-1], moments, 0),
         "single precision": (R.astype(np.float32), w.astype(np.float32), moments, 0),
         "another body in proportion": (R, w, 1e3 * moments, 0),
-        "mirror": (swapped, w, moments, 1), "stretched once": (broken, w, moments, 1),
-        "no number": (R + hole[:, None], w, moments, 1), "no rate": (R, w + hole, moments, 2),
+        "mirror": (swapped, w, moments, 1),
+        "stretched once": (broken, w, moments, 1),
+        "no number": (R + hole[:, None], w, moments, 1),
+        "no rate": (R, w + hole, moments, 2),
         "body's axes": (R, np.einsum("nji,nj->ni", R, w), moments, 2),
-        "once": (R, w + bump, moments, 2), "slow": (R, 0.7 * w, moments, 2),
-        "another body": (R, w, moments[::-1], 3), "goes round faster": (*top(1.5), moments, 3),
-    }  # fmt: skip
+        "once": (R, w + bump, moments, 2),
+        "slow": (R, 0.7 * w, moments, 2),
+        "another body": (R, w, moments[::-1], 3),
+        "goes round faster": (*top(1.5), moments, 3),
+    }
     args: Any = [np.array([one[i] for one in batch.values()], dtype=float) for i in range(3)]
     result = solutions.catch_the_slip(*[*args, step])
     assert dict(zip(batch, result, strict=True)) == {name: one[3] for name, one in batch.items()}

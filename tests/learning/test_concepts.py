@@ -143,9 +143,15 @@ def test_the_point_lies_on_the_chapters_objective(ratio, advantage, clip):
 
 @pytest.mark.parametrize(
     ("advantage", "ratio", "flat"),
-    [(1.0, 0.5, False), (1.0, 1.0, False), (1.0, 1.5, True),
-     (-1.0, 0.5, True), (-1.0, 1.0, False), (-1.0, 1.5, False)],
-)  # fmt: skip
+    [
+        (1.0, 0.5, False),
+        (1.0, 1.0, False),
+        (1.0, 1.5, True),
+        (-1.0, 0.5, True),
+        (-1.0, 1.0, False),
+        (-1.0, 1.5, False),
+    ],
+)
 def test_two_of_the_six_fields_have_no_gradient(advantage, ratio, flat):
     run = Experiment(clipped_objective.MODEL, advantage=advantage, ratio=ratio)
     pushes = "pushes ρ up" if advantage > 0.0 else "pushes ρ down"
@@ -339,8 +345,9 @@ def distribution(controls, x, time):
 
     weights, means, deviations = denoising.mixture(controls)
     widths = np.sqrt((time * deviations) ** 2 + (1.0 - time) ** 2)
-    return sum(w * ndtr((x - time * m) / s) for w, m, s in zip(weights, means[:, 0], widths,
-                                                               strict=True))  # fmt: skip
+    return sum(
+        w * ndtr((x - time * m) / s) for w, m, s in zip(weights, means[:, 0], widths, strict=True)
+    )
 
 
 def test_the_noise_lies_on_the_quantiles_of_a_normal_distribution():

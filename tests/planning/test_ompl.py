@@ -236,9 +236,17 @@ def test_a_cup_carried_by_ompl_is_upright_at_every_state_and_moves_between_the_e
 
 def test_the_controls_of_ompl_lead_along_its_states() -> None:
     answer, pulls, lasted = ompl.controls(
-        np.zeros((0, 3)), constraints.ROOM, constraints.BEGIN, constraints.END, 0.5, 1.0, 0.1, 10,
-        3000, 1,
-    )  # fmt: skip
+        np.zeros((0, 3)),
+        constraints.ROOM,
+        constraints.BEGIN,
+        constraints.END,
+        0.5,
+        1.0,
+        0.1,
+        10,
+        3000,
+        1,
+    )
     assert answer.path is not None and np.abs(pulls).max() <= 1.0
     for k, duration in enumerate(lasted):
         s, a, h = answer.path[k].copy(), pulls[k], duration / 1000

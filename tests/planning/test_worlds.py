@@ -30,8 +30,20 @@ NUMBER: Any = 3
 WIDE = [[-100.0, -100.0], [100.0, 100.0]]
 coordinate = st.integers(-80, 80).map(lambda k: k / 8)  # exact, and ties are common
 point = st.tuples(coordinate, coordinate)
-MINUS = [[0, 0], [4, 0], [4, 1], [3, 1], [3, 3], [4, 3], [4, 4], [0, 4], [0, 3], [1, 3], [1, 1],
-         [0, 1]]  # fmt: skip
+MINUS = [
+    [0, 0],
+    [4, 0],
+    [4, 1],
+    [3, 1],
+    [3, 3],
+    [4, 3],
+    [4, 4],
+    [0, 4],
+    [0, 3],
+    [1, 3],
+    [1, 1],
+    [0, 1],
+]
 
 
 def rational_meets(a, b, ring) -> bool:

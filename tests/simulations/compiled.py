@@ -17,10 +17,13 @@ class Compiled:
         controls, state = (numba.from_dtype(each.dtype) for each in (model.controls, model.state))
         pen, real = types.Array(numba.float64, 1, "C"), numba.float64
         takes = {
-            "initial": (controls, state), "advance": (state, controls, real),
-            "frame": (pen, state, controls), "drag": (controls, state, real, real),
-            "grab": (controls, state, real, real), "press": (controls, state, numba.int64),
-        }  # fmt: skip
+            "initial": (controls, state),
+            "advance": (state, controls, real),
+            "frame": (pen, state, controls),
+            "drag": (controls, state, real, real),
+            "grab": (controls, state, real, real),
+            "press": (controls, state, numba.int64),
+        }
         for name, arguments in takes.items():
             function = getattr(self.given, name)
             made = function and numba.njit(numba.void(*arguments), error_model="numpy")(function)

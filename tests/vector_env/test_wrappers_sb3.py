@@ -46,13 +46,17 @@ def counter() -> gymnasium.Env:
 
 
 CASES: dict[str, Any] = {
-    "arrays": (arm, lambda n: ArmReachVector(
-        n, max_steps=7, render_mode="rgb_array", autoreset_mode="SameStep")),
+    "arrays": (
+        arm,
+        lambda n: ArmReachVector(
+            n, max_steps=7, render_mode="rgb_array", autoreset_mode="SameStep"
+        ),
+    ),
     "loop": (arm, lambda n: VectorizedEnv(arm, n, autoreset_mode="SameStep")),
     "processes": (arm, lambda n: ProcessVectorEnv(arm, n, autoreset_mode="SameStep")),
     "infos and options": (counter, lambda n: VectorizedEnv(counter, n, autoreset_mode="SameStep")),
     "pixels": (Pixels, lambda n: VectorizedEnv(Pixels, n, autoreset_mode="SameStep")),
-}  # fmt: skip
+}
 
 
 @pytest.mark.slow

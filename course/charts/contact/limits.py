@@ -312,12 +312,20 @@ def contact_sweeps(
         theory="theory, thin lines",
     )
     towers: list[tuple[str, str, Callable[[float], list[float]], Theory | None]] = [
-        ("two bodies, heavy on light", "sweeps, true cone",
-         lambda x: [1.0, x], lambda x: (1.0 + x) * log),
-        ("tower of 10, the top heavy", "exact pyramid (LCP)",
-         lambda x: [1.0] * 9 + [x], lambda x: 9.0 * x * log),
+        (
+            "two bodies, heavy on light",
+            "sweeps, true cone",
+            lambda x: [1.0, x],
+            lambda x: (1.0 + x) * log,
+        ),
+        (
+            "tower of 10, the top heavy",
+            "exact pyramid (LCP)",
+            lambda x: [1.0] * 9 + [x],
+            lambda x: 9.0 * x * log,
+        ),
         ("two bodies, light on heavy", "convex cone", lambda x: [x, 1.0], None),
-    ]  # fmt: skip
+    ]
 
     def series(
         label: str, key: str, x: Sequence[float], result: list[int], last: int, law: Theory | None

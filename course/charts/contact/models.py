@@ -557,11 +557,15 @@ def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
     methods: dict[str, tuple[str, Callable[[float], float]]] = {
         "rigid": ("true cone (Newton)", lambda p: slope(lambda s: pushed(s, "rigid"), p, 1e-5)),
         "penalty": ("penalty", lambda p: slope(lambda s: pushed(s, "penalty"), p, 1e-5)),
-        "interior point": ("convex cone", lambda p: slope(
-            lambda s: pushed(s, "interior point", softness=SOFTENED), p, 1e-5)),
-        "randomised, 50 mm/s": ("sweeps, true cone", lambda p: smoothed_slope(
-            lambda s: pushed(s, "rigid", 2e-2), p, 0.05, rng, draws)),
-    }  # fmt: skip
+        "interior point": (
+            "convex cone",
+            lambda p: slope(lambda s: pushed(s, "interior point", softness=SOFTENED), p, 1e-5),
+        ),
+        "randomised, 50 mm/s": (
+            "sweeps, true cone",
+            lambda p: smoothed_slope(lambda s: pushed(s, "rigid", 2e-2), p, 0.05, rng, draws),
+        ),
+    }
     # x = v (0.5 - 0.1 / v) / 2 once it touches, at 0.2 m/s.
     edges, truth = [speeds[0], 0.2, 0.2, speeds[-1]], [0.0, 0.0, 0.25, 0.25]
     panel.series.append(Series("truth", edges, truth, "theory", "-", marker=""))

@@ -277,16 +277,24 @@ LEFT_OUT: dict[str, dict[str, Any]] = {
 }
 # Where a detail matters: what the task or the settings are like there, and the detail left out.
 MATTERS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {
-    "observations near 10": ({"offset": 10.0}, {},
-                             {"- without normalising them": {"normalise_observations": False}}),
-    "step size 0.01, 20 epochs": ({}, {"epochs": 20, "rate": 1e-2},
-                                 {"- without the clip": {"clip": np.inf}}),
-    "prize of 10": ({"prize": 10.0}, {},
-                    {"- without rescaling rewards": {"scale_rewards": False}}),
+    "observations near 10": (
+        {"offset": 10.0},
+        {},
+        {"- without normalising them": {"normalise_observations": False}},
+    ),
+    "step size 0.01, 20 epochs": (
+        {},
+        {"epochs": 20, "rate": 1e-2},
+        {"- without the clip": {"clip": np.inf}},
+    ),
+    "prize of 10": ({"prize": 10.0}, {}, {"- without rescaling rewards": {"scale_rewards": False}}),
     # To stay is worth 1.5 if nothing ends, 0.6 at most to who counts the clock; the prize about 1.
-    "paid for staying near": ({"reward": "hover", "bonus": 0.015, "max_steps": 50}, {},
-                               {"- time limit counted as an end": {"bootstrap": False}}),
-}  # fmt: skip
+    "paid for staying near": (
+        {"reward": "hover", "bonus": 0.015, "max_steps": 50},
+        {},
+        {"- time limit counted as an end": {"bootstrap": False}},
+    ),
+}
 
 
 def banded(rows: dict[str, list[Trained]], report: str) -> Series:
@@ -379,10 +387,12 @@ def rewards(
         lines=[("y", 1.0, "optimum")],
         ylim=(0.0, 1.05),
     )
-    kinds = {"potential": (SMALL, "potential"), "sparse": (SMALL, "sparse"),
-             "minus distance": (SMALL, "distance"),
-             "minus distance, not rescaled": (
-                 replace(SMALL, scale_rewards=False), "distance")}  # fmt: skip
+    kinds = {
+        "potential": (SMALL, "potential"),
+        "sparse": (SMALL, "sparse"),
+        "minus distance": (SMALL, "distance"),
+        "minus distance, not rescaled": (replace(SMALL, scale_rewards=False), "distance"),
+    }
     for label, (settings, reward) in kinds.items():
         some = sweep(
             trained, jobs(settings=settings, reward=reward, steps=steps, points=points, seeds=seeds)

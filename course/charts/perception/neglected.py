@@ -148,7 +148,7 @@ def known_part() -> Scene:
         ("shadow of the second eye", with_shadow, 2, "a second image"),
         ("another projector", dazzled, 1, f"{DAZZLED:.0%} of pixels, in blocks"),
         (f"motion, {1e3 * SPEED:g} mm/s in {1e3 * EXPOSURE:g} ms", moving, 5, "5 images in one"),
-    )  # fmt: skip
+    )
     return Scene(
         question="Where on the table is the known part?",
         tolerance=Tolerance(0.002, "m", "a gripper 5 mm wider than the part has 2.5 mm a side"),

@@ -80,8 +80,10 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
     inside = rng.uniform(-1.0, 1.0, (3, face.size)) * (normal == 0.0) + normal
     cloud = Cloud.of(BOX.sizes * inside, normal)
     targets: tuple[tuple[str, Cloud | perception.Shapes, str], ...] = (
-        ("points", cloud, "point"), ("planes", cloud, "plane"), ("shape", BOX, "plane"),
-    )  # fmt: skip
+        ("points", cloud, "point"),
+        ("planes", cloud, "plane"),
+        ("shape", BOX, "plane"),
+    )
     for name, goal, method in targets:
         made = [
             icp(
@@ -137,10 +139,12 @@ def laid_again(
 def pose_covariance(runs: int = 150) -> Iterator[Panel]:
     """Chart how honest a covariance is, with closest points and along the rays."""
     looks = {
-        "three faces": (BOX, 0.5, 0.7), "two faces": (BOX, 0.0, 0.7), "one face": (BOX, 0.0, 0.0),
+        "three faces": (BOX, 0.5, 0.7),
+        "two faces": (BOX, 0.0, 0.7),
+        "one face": (BOX, 0.0, 0.0),
         "cylinder": (shape("cylinder", 0.04, 0.05), 0.5, 0.7),
         "sphere": (shape("sphere", 0.04), 0.5, 0.7),
-    }  # fmt: skip
+    }
     places, words = list(range(len(looks))), tuple(looks)
     panel = Panel(
         "Squared error / predicted variance: 1 is honest",

@@ -105,10 +105,11 @@ def methods(eye: Camera, model: int) -> dict[str, tuple[Callable[..., Any], Lay]
         return perception.voxel_mean(cloud, voxel)[0]
 
     return {
-        "shape": (means_of, to_shape), "cloud": (means_of, to_cloud),
+        "shape": (means_of, to_shape),
+        "cloud": (means_of, to_cloud),
         "Open3D": (lambda cloud, voxel: open3d.Cloud.of(cloud.voxel_mean(voxel)), by_open3d),
         "small_gicp": (lambda cloud, voxel: cloud.voxel_mean(voxel), by_small),
-    }  # fmt: skip
+    }
 
 
 MADE: dict[str, Callable[[Array], Any]] = {

@@ -172,9 +172,13 @@ def missed_collisions(number: int, spacings: Sequence[float], footer: str) -> Pa
         ratios.append(length / points / along)
         accepted.append(verdicts(in_batches(world, h), a, b))
     panel = Panel(
-        "Collisions missed with a pole of 8 mm", "spacing of the points / length of the collision",
-        "share of the colliding edges", scale="log x", footer=footer, ticks=(0.25, 0.5, 1, 2, 4, 8),
-    )  # fmt: skip
+        "Collisions missed with a pole of 8 mm",
+        "spacing of the points / length of the collision",
+        "share of the colliding edges",
+        scale="log x",
+        footer=footer,
+        ticks=(0.25, 0.5, 1, 2, 4, 8),
+    )
     every = np.concatenate(ratios)
     proved = np.tile(verdicts(world, a, b), len(spacings))
     panel.series = [
@@ -233,9 +237,13 @@ def batch_edges(
         yield panel
 
     panel = Panel(
-        "Free edges rejected", "swelling of the spheres, share of the radius",
-        "share of the edges", scale="log", ticks=(0.02, 0.1, 0.8), footer=footer,
-    )  # fmt: skip
+        "Free edges rejected",
+        "swelling of the spheres, share of the radius",
+        "share of the edges",
+        scale="log",
+        ticks=(0.02, 0.1, 0.8),
+        footer=footer,
+    )
     passed, fat = [], []
     for h in spacings:
         result = verdicts(in_batches(world, h), a, b)

@@ -103,9 +103,12 @@ def upright_cup(
     cap = 0.5 * (1.0 - math.cos(math.radians(TOLERATED)))
 
     panel = Panel(
-        "Tilt between projected states", "step [rad]", "largest tilt on an edge [°]",
-        scale="log", footer=footer,
-    )  # fmt: skip
+        "Tilt between projected states",
+        "step [rad]",
+        "largest tilt on an edge [°]",
+        scale="log",
+        footer=footer,
+    )
     panel.lines = (("y", TOLERATED, "tolerance"),)
     worst, proven, single = [], [], []
     for h in steps:
@@ -126,15 +129,31 @@ def upright_cup(
     proof = float(np.exp(np.interp(0.0, np.log(proven), np.log(steps))))
     x = np.array(steps)
     panel.series += [
-        Series("bound", x, proven, style="--", marker="", note="bound on the paths [degrees] "
-               + ", ".join(f"{v:.2g}" for v in proven)),
-        Series("paths, worst", x, worst, note="worst tilt on the paths [degrees] "
-               + ", ".join(f"{v:.2g}" for v in worst)),
-        Series("random edge, median", x, single,
-               theory=lambda h: single[0] * (h / steps[0]) ** 2,
-               note="median tilt of random edges [degrees] " + ", ".join(f"{v:.2g}" for v in single)
-               + "; order " + ", ".join(f"{v:.2f}" for v in order)),
-    ]  # fmt: skip
+        Series(
+            "bound",
+            x,
+            proven,
+            style="--",
+            marker="",
+            note="bound on the paths [degrees] " + ", ".join(f"{v:.2g}" for v in proven),
+        ),
+        Series(
+            "paths, worst",
+            x,
+            worst,
+            note="worst tilt on the paths [degrees] " + ", ".join(f"{v:.2g}" for v in worst),
+        ),
+        Series(
+            "random edge, median",
+            x,
+            single,
+            theory=lambda h: single[0] * (h / steps[0]) ** 2,
+            note="median tilt of random edges [degrees] "
+            + ", ".join(f"{v:.2g}" for v in single)
+            + "; order "
+            + ", ".join(f"{v:.2f}" for v in order),
+        ),
+    ]
     panel.notes = [
         f"steps {', '.join(f'{h:g}' for h in steps)} rad",
         f"the worst path exceeds {TOLERATED:g} degree above a step of {crossing:.2f} rad, "
@@ -155,9 +174,13 @@ def _races(
 ) -> Panel:
     """Return the shares of the queries that are solved without a collision, over time."""
     panel = Panel(
-        "Share solved, open shelf", "time [ms]", "share of the queries",
-        scale="log x", ylim=(0.0, 1.02), footer=footer,
-    )  # fmt: skip
+        "Share solved, open shelf",
+        "time [ms]",
+        "share of the queries",
+        scale="log x",
+        ylim=(0.0, 1.02),
+        footer=footer,
+    )
     own = ("ours, tilt proved", "ours, no proof")
     rivals = {
         f"OMPL, range {reach:g}, states {spacing:g}": (reach, spacing)
@@ -314,9 +337,17 @@ def kinodynamic_bounds(
             if name in own:
                 proved, metric, tries = own[name]
                 motion = kinodynamic.kinodynamic_rrt(
-                    discs, ROOM, BEGIN, END, dt=dt, proved=proved, metric=metric, tries=tries,
-                    samples=samples, rng=seed,
-                )  # fmt: skip
+                    discs,
+                    ROOM,
+                    BEGIN,
+                    END,
+                    dt=dt,
+                    proved=proved,
+                    metric=metric,
+                    tries=tries,
+                    samples=samples,
+                    rng=seed,
+                )
                 taken = time.thread_time() - begun
             else:
                 plan, pulls, lasted = ompl.controls(
@@ -346,11 +377,17 @@ def kinodynamic_bounds(
             f"({low:.2f} to {high:.2f}), least {min(ratios[name]):.2f}; {hit[name]} hit a post"
         )
     panels = [
-        Panel("Share solved", "time to plan [ms]", "share of the runs", scale="log x",
-              footer=footer),
-        Panel("Time of the trajectory", "time over the lower bound", "share of the runs",
-              scale="log x", footer=footer),
-    ]  # fmt: skip
+        Panel(
+            "Share solved", "time to plan [ms]", "share of the runs", scale="log x", footer=footer
+        ),
+        Panel(
+            "Time of the trajectory",
+            "time over the lower bound",
+            "share of the runs",
+            scale="log x",
+            footer=footer,
+        ),
+    ]
     for panel, values in zip(panels, (spent, ratios), strict=True):
         for name in (*own, best):
             order = np.sort(values[name])
@@ -379,26 +416,42 @@ def kinodynamic_bounds(
     yield from panels
 
     panel = Panel(
-        "Crossings of a post missed", "spacing of the points over the diameter",
-        "share of the crossings", scale="log x", footer=footer,
-    )  # fmt: skip
+        "Crossings of a post missed",
+        "spacing of the points over the diameter",
+        "share of the crossings",
+        scale="log x",
+        footer=footer,
+    )
     kinds = np.array([crossings(spacing, number, 0) for spacing in spacings]).T
     off = np.abs(kinds[0] - [missed(s) for s in spacings])
     words = ", ".join(f"{v:.1%}" for v in kinds[0])
     panel.series = [
-        Series("points alone", spacings, kinds[0], theory=missed,
-               note=f"crossings missed by points, spacing {', '.join(map(str, spacings))}: "
-               f"{words}; from theory by {off.max():.3f} at most"),
-        Series("with the margin", spacings, kinds[1],
-               note=f"crossings missed with the margin: {int(kinds[1].sum() * number)} of "
-               f"{number * len(spacings)}"),
-    ]  # fmt: skip
+        Series(
+            "points alone",
+            spacings,
+            kinds[0],
+            theory=missed,
+            note=f"crossings missed by points, spacing {', '.join(map(str, spacings))}: "
+            f"{words}; from theory by {off.max():.3f} at most",
+        ),
+        Series(
+            "with the margin",
+            spacings,
+            kinds[1],
+            note=f"crossings missed with the margin: {int(kinds[1].sum() * number)} of "
+            f"{number * len(spacings)}",
+        ),
+    ]
     yield panel
 
     panel = Panel(
-        "Returned trajectories that hit a post", "time between points [s]",
-        "share of the trajectories", scale="log x", ylim=(-0.02, 1.0), footer=footer,
-    )  # fmt: skip
+        "Returned trajectories that hit a post",
+        "time between points [s]",
+        "share of the trajectories",
+        scale="log x",
+        ylim=(-0.02, 1.0),
+        footer=footer,
+    )
     for name, proved in (("points alone", False), ("with the margin", True)):
         hits, counts = list[float](), list[int]()
         for tick in ticks:

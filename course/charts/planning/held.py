@@ -120,9 +120,11 @@ def held_object(
     taken = interleaved(samplers, repeats=repeats)
     micros = np.array([1e6 * t.median / timed for t in taken]).reshape(3, -1)
     panel = Panel(
-        "Time of a check, free", "microseconds", xlim=(0.0, None),
+        "Time of a check, free",
+        "microseconds",
+        xlim=(0.0, None),
         footer=machine(libraries=("pin",)) + "; one core; Coal with Pinocchio",
-    )  # fmt: skip
+    )
     labels, values = [], []
     kinds = ("state", "edge", "state by Coal")
     for kind, row in zip(kinds, micros, strict=True):
@@ -169,8 +171,9 @@ def held_object(
         requested = planning.shelf(name)
         bare, itself, cup = variants(requested.world)
         for label, world, blind, number in (
-            ("itself", itself, bare, queries), ("cup", cup, itself, cups)
-        ):  # fmt: skip
+            ("itself", itself, bare, queries),
+            ("cup", cup, itself, cups),
+        ):
             shelf: Shelf = replace(requested, world=world)
             rng, solved, wrong, paths, failed = np.random.default_rng(0), 0, 0, 0, 0
             spent: list[tuple[float, float]] = []

@@ -44,9 +44,7 @@ def sectors(number: int, radius: float = 2.0 + MARGIN) -> list[Region]:
 def rooms() -> list[Region]:
     """Return the two rooms and the gap of `scenes.gap(0.1)`, as three rectangles."""
     rows = np.vstack((np.eye(2), -np.eye(2)))
-    corners = (
-        (4.75, 10.0, 0.0, 0.0), (5.25, 5.5, -4.75, -4.5), (10.0, 10.0, -5.25, 0.0)
-    )  # fmt: skip
+    corners = ((4.75, 10.0, 0.0, 0.0), (5.25, 5.5, -4.75, -4.5), (10.0, 10.0, -5.25, 0.0))
     return [(rows, np.array(each)) for each in corners]
 
 
@@ -99,9 +97,12 @@ def informed_and_convex(
     }
     for scene, best in exactly_known():
         panel = Panel(
-            scene.name, "edge checks", "length over the shortest, less 1", scale="log",
+            scene.name,
+            "edge checks",
+            "length over the shortest, less 1",
+            scale="log",
             footer=footer,
-        )  # fmt: skip
+        )
         for label, (method, values) in methods.items():
             run, rows = counted(scene, method), []
             for value in values:
@@ -118,10 +119,16 @@ def informed_and_convex(
             style = "--" if "OMPL" in label else "-"
             panel.series.append(
                 Series(
-                    label, x, middle, style=style, hollow="OMPL" in label, low=low,
-                    high=np.minimum(high, 1.0), note=f"{scene.name}, {label}, by checks: {words}",
+                    label,
+                    x,
+                    middle,
+                    style=style,
+                    hollow="OMPL" in label,
+                    low=low,
+                    high=np.minimum(high, 1.0),
+                    note=f"{scene.name}, {label}, by checks: {words}",
                 )
-            )  # fmt: skip
+            )
         yield panel
 
     (disc, shortest), (wall, narrow) = exactly_known()
@@ -135,19 +142,26 @@ def informed_and_convex(
         spent.append(1e3 * answer.seconds)
     scale = excess[-1] * numbers[-1] ** 2
     panel = Panel(
-        "Convex regions around the disc", "regions", "length over the shortest, less 1",
-        scale="log", theory="1 / regions²", footer=footer,
-    )  # fmt: skip
+        "Convex regions around the disc",
+        "regions",
+        "length over the shortest, less 1",
+        scale="log",
+        theory="1 / regions²",
+        footer=footer,
+    )
     words = ", ".join(
         f"{n}: {e:.2%} in {t:.0f} ms" for n, e, t in zip(numbers, excess, spent, strict=True)
     )
     panel.series.append(
         Series(
-            "Drake, graph of convex sets", numbers, excess, "Drake",
+            "Drake, graph of convex sets",
+            numbers,
+            excess,
+            "Drake",
             theory=lambda n: scale / np.asarray(n, dtype=float) ** 2,
             note=f"one disc, convex sets, by regions: {words}",
         )
-    )  # fmt: skip
+    )
     answer = convex_sets.solve(wall.start, wall.goal, rooms())
     assert answer.path is not None
     panel.notes.append(

@@ -131,25 +131,33 @@ def edge_times(counts: Sequence[int], number: int, repeats: int, built: str) -> 
             micros = (1e6 * (v - floor) / size for v in (t.median, t.low, t.high))
             rows.setdefault((kind, name), []).append((count, *micros))
     panel = Panel(
-        "An edge of 1 rad: filled free, hollow colliding", "balls among the obstacles",
-        "µs for an edge", scale="log",
+        "An edge of 1 rad: filled free, hollow colliding",
+        "balls among the obstacles",
+        "µs for an edge",
+        scale="log",
         footer=machine(max(t.busy for t in taken), libraries=("vamp-planner",))
         + f"{built}; processor time, one core",
         ticks=tuple(counts),
-    )  # fmt: skip
+    )
     for (kind, name), row in rows.items():
         x, middle, low, high = np.transpose(row)
         words = ", ".join(
             f"{n:g}: {m:.3g} ({a:.3g} to {b:.3g})"
             for n, m, a, b in zip(x, middle, low, high, strict=True)
-        )  # fmt: skip
+        )
         panel.series.append(
             Series(
-                f"{name}, {kind}", x, middle, "",
-                "-" if kind == "free" else "--", low=low, high=high, hollow=kind != "free",
+                f"{name}, {kind}",
+                x,
+                middle,
+                "",
+                "-" if kind == "free" else "--",
+                low=low,
+                high=high,
+                hollow=kind != "free",
                 note=f"{kind} edge, {name}, by balls: {words} µs",
             )
-        )  # fmt: skip
+        )
     call, none = 1e6 * np.median(floors, axis=0)
     panel.notes = [*notes, f"a call that checks nothing: VAMP {call:.2f} µs, ours {none:.2f} µs"]
     return panel
@@ -213,9 +221,11 @@ def plan_times(number: int, repeats: int) -> Panel:
                 unproved[name] += not all(edge_free(world, *edge) for edge in edges)
         single.append(own_time(functools.partial(plan, world, start, goal, rng=k, budget=1))[1])
     panel = Panel(
-        "RRT-Connect at the open shelf", "processor time of a plan [s]", "share of the queries",
+        "RRT-Connect at the open shelf",
+        "processor time of a plan [s]",
+        "share of the queries",
         scale="log x",
-    )  # fmt: skip
+    )
     within = np.geomspace(1e-6, 1.0, 121)
     for name, costs in spent.items():
         series = Success(name, np.array([costs]), "s").series(within)
@@ -244,16 +254,17 @@ def missed_collisions(number: int) -> Panel:
     shares = np.linspace(0.0, 1.0, 200)
     # An edge on which the arm meets itself is rejected for another reason.
     known = np.isfinite(along) & [
-        all(alone.state_free(p + s * (q - p)) for s in shares)
-        for p, q in zip(a, b, strict=True)
-    ]  # fmt: skip
+        all(alone.state_free(p + s * (q - p)) for s in shares) for p, q in zip(a, b, strict=True)
+    ]
     a, b, along = a[known], b[known], along[known]
     length = np.linalg.norm(b - a, axis=1)
     panel = Panel(
         "VAMP: collisions missed with a pole of 8 mm",
-        "spacing of the points / length of the collision", "share of the colliding edges",
-        scale="log x", ticks=(0.25, 0.5, 1, 2, 4, 8),
-    )  # fmt: skip
+        "spacing of the points / length of the collision",
+        "share of the colliding edges",
+        scale="log x",
+        ticks=(0.25, 0.5, 1, 2, 4, 8),
+    )
     checks: dict[str, tuple[float, Callable[[Array, Array], bool]]] = {
         "its planners": (vamp.spacing(), lambda p, q: other.path_free(other.path(p, q))),
         "validate_motion": (1.0, other.edge_free),

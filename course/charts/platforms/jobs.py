@@ -83,7 +83,7 @@ JOBS: Mapping[str, tuple[list[Need], str]] = {
         "cost of tower",
     ),
     "Soft, deformable objects": ([ELEMENTS], "cost of grasp"),
-}  # fmt: skip
+}
 DOCUMENTED = {
     CAMERAS.row: "Isaac Sim renders by tracing paths of light, on an NVIDIA GPU (its manual, 2026)",
     IMAGES.row: "Isaac Lab reports 50,000 steps per second for 1,024 carts with a camera each, on "

@@ -132,9 +132,12 @@ def platform_joints(
     problem, middle = stop(), steps[len(steps) // 2]
     panel = Panel(
         "A rod falls on its limit, one start",
-        "time since the release [s]", "angle beyond the limit [mrad]",
-        ylim=(-100.0, 110.0), lines=[("y", 0.0, "limit")], footer=footer,
-    )  # fmt: skip
+        "time since the release [s]",
+        "angle beyond the limit [mrad]",
+        ylim=(-100.0, 110.0),
+        lines=[("y", 0.0, "limit")],
+        footer=footer,
+    )
     for name, engine in known.items():
         time, q, _ = motion(engine, problem.scene, middle, 0.6)
         beyond = 1e3 * (problem.limit - q[0])
@@ -149,8 +152,11 @@ def platform_joints(
 
     panel = Panel(
         f"Farthest beyond the limit, of {len(starts)} starts",
-        "step [s]", "angle [rad]", scale="log", footer=footer,
-    )  # fmt: skip
+        "step [s]",
+        "angle [rad]",
+        scale="log",
+        footer=footer,
+    )
     laws: dict[str, Callable[[float], float]] = {
         "v T / e": partial(overshoot_in_theory, time=TIME),
         "v h, one step late": late,
@@ -192,12 +198,13 @@ def platform_joints(
         gear = partial(geared, ratio=ratio)
         cases.append(("PyBullet with a gear", "PyBullet", known["PyBullet"], gear))
     lost = Panel(
-        f"Joint 2 copies joint 1 times {ratio:g}", "time [s]", "error of the copy [rad]",
-        ylim=(-1.0, 5.5), footer=footer,
-    )  # fmt: skip
-    error = Panel(
-        "Largest error of joint 1", "step [s]", "angle [rad]", scale="log", footer=footer
-    )  # fmt: skip
+        f"Joint 2 copies joint 1 times {ratio:g}",
+        "time [s]",
+        "error of the copy [rad]",
+        ylim=(-1.0, 5.5),
+        footer=footer,
+    )
+    error = Panel("Largest error of joint 1", "step [s]", "angle [rad]", scale="log", footer=footer)
     for label, name, engine, changed in cases:
         worst, gaps = [], []
         for dt in steps:

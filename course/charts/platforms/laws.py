@@ -191,9 +191,10 @@ def platform_creep(
     }
     sides = {
         "MuJoCo, noslip 3": ("MuJoCo", AS_SHIPPED.using(noslip_iterations=3)),
-        "Drake": ("Drake", FAIR), "PyBullet": ("PyBullet", FAIR),
+        "Drake": ("Drake", FAIR),
+        "PyBullet": ("PyBullet", FAIR),
         "own code, 10 ms, <1e-12": ("own code", FAIR),
-    }  # fmt: skip
+    }
     for title, scene in scenes.items():
         law = partial(law_of_creep, scene=scene, dt=dt)
         panel = Panel(
@@ -244,10 +245,13 @@ def platform_grasp(
         finest: smallest step of our own code [s].
     """
     rows = {
-        "own code": ("own code", FAIR), "MuJoCo, fair": ("MuJoCo", FAIR),
-        "MuJoCo, as shipped": ("MuJoCo", AS_SHIPPED), "Drake, fair": ("Drake", FAIR),
-        "PyBullet, fair": ("PyBullet", FAIR), "PyBullet, as shipped": ("PyBullet", AS_SHIPPED),
-    }  # fmt: skip
+        "own code": ("own code", FAIR),
+        "MuJoCo, fair": ("MuJoCo", FAIR),
+        "MuJoCo, as shipped": ("MuJoCo", AS_SHIPPED),
+        "Drake, fair": ("Drake", FAIR),
+        "PyBullet, fair": ("PyBullet", FAIR),
+        "PyBullet, as shipped": ("PyBullet", AS_SHIPPED),
+    }
     for label, name, engine, settings in known(rows):
         some = [dt for dt in steps if name != "own code" or dt >= finest]
         panel = Panel(
@@ -305,10 +309,13 @@ def platform_sag(
         dt: step [s].
     """
     rows = {
-        "MuJoCo, as shipped": ("MuJoCo", AS_SHIPPED), "MuJoCo": ("MuJoCo", FAIR),
-        "Drake, as shipped": ("Drake", AS_SHIPPED), "Drake": ("Drake", FAIR),
-        "PyBullet": ("PyBullet", FAIR), "own code, 10 ms": ("own code", FAIR),
-    }  # fmt: skip
+        "MuJoCo, as shipped": ("MuJoCo", AS_SHIPPED),
+        "MuJoCo": ("MuJoCo", FAIR),
+        "Drake, as shipped": ("Drake", AS_SHIPPED),
+        "Drake": ("Drake", FAIR),
+        "PyBullet": ("PyBullet", FAIR),
+        "own code, 10 ms": ("own code", FAIR),
+    }
     panel = Panel(
         "Sag of a tower's top",
         "cubes",

@@ -154,7 +154,7 @@ QUESTIONS: dict[str, tuple[Callable[[], Scene], Schemes, Sequence[float]]] = {
     "arm": (partial(SCENES["arm"], 0.5), SMOOTH, (4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4)),
     "brake": (SCENES["brake"], TOUCHING, (16e-3, 8e-3, 4e-3, 2e-3)),
     "tower": (partial(tower, 3, 0.2), TOUCHING, (8e-3, 4e-3, 2e-3)),
-}  # fmt: skip
+}
 
 
 @chart(columns=2)

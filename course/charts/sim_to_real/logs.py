@@ -63,9 +63,13 @@ def record(
 # What one episode of a real arm tells. With the torque factor taken as 1, inertias and friction
 # come out in units of what the motor gives, which is all that a controller needs.
 ALL = {
-    **dict.fromkeys(BASE, (1e-3, 10.0)), "f1": (0.0, 2.0), "f2": (0.0, 2.0), "delay": (0.0, 0.05),
-    "bias1": (-0.1, 0.1), "bias2": (-0.1, 0.1),
-}  # fmt: skip
+    **dict.fromkeys(BASE, (1e-3, 10.0)),
+    "f1": (0.0, 2.0),
+    "f2": (0.0, 2.0),
+    "delay": (0.0, 0.05),
+    "bias1": (-0.1, 0.1),
+    "bias2": (-0.1, 0.1),
+}
 
 
 def episode(

@@ -103,10 +103,17 @@ def varying_arms(
         )
         panel.series.append(
             Series(
-                name, [middle], [cost[name]], name, style="", low=[low], high=[high], across=True,
+                name,
+                [middle],
+                [cost[name]],
+                name,
+                style="",
+                low=[low],
+                high=[high],
+                across=True,
                 note=note,
             )
-        )  # fmt: skip
+        )
     bound = within["best gains in hindsight"]
     for name in ("teacher", "student with history", "randomised gains"):
         share = np.mean(np.concatenate(within[name]) < np.concatenate(bound))
@@ -230,10 +237,17 @@ def actuator_models(
         y = [0.25 * (1 - k) - row for row in range(len(cases))]
         panel.series.append(
             Series(
-                model, middle, y, model, style="", low=low, high=high, across=True,
+                model,
+                middle,
+                y,
+                model,
+                style="",
+                low=low,
+                high=high,
+                across=True,
                 note=f"{model} [N m]: {note}",
             )
-        )  # fmt: skip
+        )
     yield panel
     yield sizes(n, updates, widths, few, repeats)
 
@@ -318,8 +332,14 @@ def sizes(n: int, updates: int, widths: Sequence[int], seeds: int, repeats: int)
         note = f"{label}{' of ' + ', '.join(tags) + ' units' if tags else ''}: {note}"
         panel.series.append(
             Series(
-                label, x, y, label, style=style, hollow=label.endswith("PyTorch"), tags=tags,
+                label,
+                x,
+                y,
+                label,
+                style=style,
+                hollow=label.endswith("PyTorch"),
+                tags=tags,
                 note=note,
             )
-        )  # fmt: skip
+        )
     return panel

@@ -219,8 +219,10 @@ def contact_is_the_wall(result):
     result.measure("default", default, 0.01)
     result.measure("hopeful", default / exact, 0.02)
     friction, late = touch.ARM.damping, delay + touch.DT / 2
-    tried = [(k, D, touch.force_edge_mujoco(k, D, "contact", 1, default_d))
-             for k, D in ((1e4, 0.002), (1e5, 0.001), (1e6, 0.004))]  # fmt: skip
+    tried = [
+        (k, D, touch.force_edge_mujoco(k, D, "contact", 1, default_d))
+        for k, D in ((1e4, 0.002), (1e5, 0.001), (1e6, 0.004))
+    ]
     free = [
         k * (D + touch.DT / 2) * (1 - default_d) / default_d / 2 < friction for k, D, _ in tried
     ]

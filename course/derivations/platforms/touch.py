@@ -364,8 +364,11 @@ def friction_rules(result):
         return plant.CalcContactFrictionFromSurfaceProperties(*pair).dynamic_friction()
 
     a, b, same = result.input("a", 0.2), result.input("b", 0.8), result.input("same", 0.5)
-    rules: list[Any] = [(in_mujoco, max), (in_drake, lambda x, y: 2 * x * y / (x + y)),
-             (in_pybullet, lambda x, y: x * y)]  # fmt: skip
+    rules: list[Any] = [
+        (in_mujoco, max),
+        (in_drake, lambda x, y: 2 * x * y / (x + y)),
+        (in_pybullet, lambda x, y: x * y),
+    ]
     made = [rule(a, b) for rule, _ in rules]
     for name, value in zip(("mujoco", "drake", "pybullet"), made, strict=True):
         result.measure(name, value, 0.02)

@@ -589,10 +589,14 @@ def bounce_rule_takes_energy(result):
     e = result.rng.uniform(0.1, 0.99, 200)
     rest, step = result.input("e", 0.6), result.input("step_ms", 1.0)
     fast, slow, full = (
-        np.concatenate([_rule_gain(m, result.rng, restitution, result.rng.uniform(*share, 200))[0]
-                        for m in METHODS])
+        np.concatenate(
+            [
+                _rule_gain(m, result.rng, restitution, result.rng.uniform(*share, 200))[0]
+                for m in METHODS
+            ]
+        )
         for restitution, share in ((e, (1, 3)), (e, (0.5, 1)), (1.0, (1, 1)))
-    )  # fmt: skip
+    )
 
     def full_depth(speed: float) -> float:
         """Return the energy that a bounce adds at the depth of a whole step's travel."""

@@ -158,8 +158,9 @@ def late_command(result):
     both = result.measure("both_ms", 1e3 * arm_limit(gains, elbow), 0.05)
     folded = result.measure("folded_ms", 1e3 * arm_limit(gains, more), 0.05)
     # 5 % to both sides of the margin, and beyond it with dry friction.
-    inside, outside, stuck = ([drawn(x, dry) for _ in range(8)]
-                              for x, dry in ((1.05, 0.0), (0.95, 0.0), (1.05, 0.1)))  # fmt: skip
+    inside, outside, stuck = (
+        [drawn(x, dry) for _ in range(8)] for x, dry in ((1.05, 0.0), (0.95, 0.0), (1.05, 0.1))
+    )
     result.statement = "Random gains of joint 2, 5 % to both sides of its margin, joint 1 locked."
     result.statement_holds(
         all(outside),

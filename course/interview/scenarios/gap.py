@@ -71,7 +71,7 @@ def room(cause: str, seed: int) -> Room:
         samples=60,
         reach=SHORT if cause == "short_edges" else REACH,
         hints=NOWHERE,
-    )  # fmt: skip
+    )
 
 
 def repaired(cause: str, seed: int, repair: str | None) -> Room:

@@ -23,10 +23,11 @@ CONTROLS = Record(
     size=slider("Pull, size", 6.0, 0.0, 25.0, 0.5, "N", 1, live=True),
     direction=slider("Pull, direction on the floor", 20.0, -180.0, 180.0, 5.0, "°", 0, live=True),
     rise=slider("Pull, angle above the floor", 0.0, 0.0, 45.0, 5.0, "°", 0, live=True),
-    pyramid=menu("Pyramid with four sides", ("none", "inside the cone", "around the cone"),
-                 live=True),
+    pyramid=menu(
+        "Pyramid with four sides", ("none", "inside the cone", "around the cone"), live=True
+    ),
     **space.camera(-0.9, 0.32, 6.0),
-)  # fmt: skip
+)
 STATE = Record(
     v=Field((0.0, 0.0), unit="m/s"),
     moved=Field((0.0, 0.0), unit="m"),
@@ -117,9 +118,14 @@ _CONTACT, _PULL_KEY, _CONE_KEY, _PYRAMID_KEY = word(
 )
 _FX, _FY, _ABOVE = word("along x [N]", "along y [N]", "friction, from above")
 _NORMAL, _FRICTION, _LIMIT, _BOX, _RATE, _MODE, _TIME = word(
-    "normal force", "friction force", "limit μ × normal", "limit of pyramid", "acceleration",
-    "contact", "time",
-)  # fmt: skip
+    "normal force",
+    "friction force",
+    "limit μ × normal",
+    "limit of pyramid",
+    "acceleration",
+    "contact",
+    "time",
+)
 _N, _MPSS, _SECONDS = word(" N", " m/s²", " s")
 _STICKS, _SLIDES = word("sticks", "slides")
 _NO_PYRAMID = word("none")[0]
@@ -259,22 +265,29 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "It sticks": Preset(
-        {}, "Friction is exactly as large as the pull, so nothing moves. Raise the pull: the blue "
+        {},
+        "Friction is exactly as large as the pull, so nothing moves. Raise the pull: the blue "
         "arrow leans over until it reaches the surface of the cone. Drag the picture to look at it "
-        "from elsewhere."),
+        "from elsewhere.",
+    ),
     "It slides": Preset(
-        {"size": 15.0}, "Press play. The pull asks for more friction than μ times the normal "
+        {"size": 15.0},
+        "Press play. The pull asks for more friction than μ times the normal "
         "force. The contact force stops on the surface of the cone, and what is left of the pull "
-        "accelerates the block. Raise μ until it stops."),
+        "accelerates the block. Raise μ until it stops.",
+    ),
     "Pulled upwards": Preset(
-        {"size": 15.0, "rise": 40.0, "friction": 0.7}, "A pull that also lifts takes weight off "
-        "the floor. The normal force is smaller, so the cone is cut lower and friction can resist "
-        "less. Lower the angle and watch both."),
+        {"size": 15.0, "rise": 40.0, "friction": 0.7},
+        "A pull that also lifts takes weight off the floor. The normal force is smaller, so the "
+        "cone is cut lower and friction can resist less. Lower the angle and watch both.",
+    ),
     "A pyramid around the cone": Preset(
-        {"pyramid": 2, "size": 12.0, "direction": 45.0}, "Many engines replace the cone by a "
-        "pyramid, since flat sides are easier to solve for. Along its diagonal this one would "
-        "still hold the block. Turn the pull, and compare with the pyramid inside the cone."),
-}  # fmt: skip
+        {"pyramid": 2, "size": 12.0, "direction": 45.0},
+        "Many engines replace the cone by a pyramid, since flat sides are easier to solve for. "
+        "Along its diagonal this one would still hold the block. Turn the pull, and compare with "
+        "the pyramid inside the cone.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

@@ -190,18 +190,23 @@ def press(controls, state, key):
 
 PRESETS = {
     "Down, press, lift": Preset(
-        {}, "Press play, or drag the ball or the orange point. While there is a gap, there is no "
+        {},
+        "Press play, or drag the ball or the orange point. While there is a gap, there is no "
         "force. While there is a force, there is no gap. So the product of the two is always zero: "
-        "this is complementarity, and the corner in it is what makes contact hard to compute."),
+        "this is complementarity, and the corner in it is what makes contact hard to compute.",
+    ),
     "A rigid contact alone": Preset(
-        {"penalty": False, "start": 0.4}, "The pair may lie anywhere on the orange lines and "
-        "nowhere else. Try to drag the point into the corner regions: each of them is something "
-        "that a floor cannot do."),
+        {"penalty": False, "start": 0.4},
+        "The pair may lie anywhere on the orange lines and nowhere else. Try to drag the point "
+        "into the corner regions: each of them is something that a floor cannot do.",
+    ),
     "A stiff penalty": Preset(
-        {"stiffness": 20_000.0, "start": -0.3}, "A stiffer spring turns the blue line towards the "
-        "vertical half axis, and the ball sinks in less. It never gets there, and a stiff spring "
-        "needs short time steps. Change the stiffness while the ball is pressed."),
-}  # fmt: skip
+        {"stiffness": 20_000.0, "start": -0.3},
+        "A stiffer spring turns the blue line towards the vertical half axis, and the ball sinks "
+        "in less. It never gets there, and a stiff spring needs short time steps. Change the "
+        "stiffness while the ball is pressed.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

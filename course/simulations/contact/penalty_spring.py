@@ -226,22 +226,28 @@ def drag(controls, state, x, y):
 
 PRESETS = {
     "A short step": Preset(
-        {}, "The spring pushes back in proportion to the penetration, the damper in proportion to "
+        {},
+        "The spring pushes back in proportion to the penetration, the damper in proportion to "
         "the speed, so the force on the way in is larger than on the way out. The area of the loop "
-        "is the energy that the damper takes. Lengthen the step and watch the loop open."),
+        "is the energy that the damper takes. Lengthen the step and watch the loop open.",
+    ),
     "Just below the limit": Preset(
-        {"timestep": 15.0, "height": 0.0}, "The mass is laid on the floor and comes to rest, "
-        "though each oscillation has only a few steps. Drag the point in the lower chart across "
-        "the dashed line."),
+        {"timestep": 15.0, "height": 0.0},
+        "The mass is laid on the floor and comes to rest, though each oscillation has only a few "
+        "steps. Drag the point in the lower chart across the dashed line.",
+    ),
     "Just above the limit": Preset(
-        {"timestep": 17.0, "height": 0.0}, "The same contact with a slightly longer step never "
-        "comes to rest: each step overshoots by more than the one before, until the mass loses "
-        "contact and falls back. Lower the stiffness or shorten the step."),
+        {"timestep": 17.0, "height": 0.0},
+        "The same contact with a slightly longer step never comes to rest: each step overshoots by "
+        "more than the one before, until the mass loses contact and falls back. Lower the "
+        "stiffness or shorten the step.",
+    ),
     "The damper pulls": Preset(
         {"zeta": 0.4, "pull": True, "height": 50.0, "timestep": 1.0},
         "If the damper may pull, the force becomes negative while the mass leaves, as if the floor "
-        "were sticky. Engines clip the force at zero: switch the pull off and compare the loops."),
-}  # fmt: skip
+        "were sticky. Engines clip the force at zero: switch the pull off and compare the loops.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

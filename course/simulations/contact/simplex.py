@@ -323,8 +323,20 @@ def _world(pen, pair, vb, support, final, ended):
     _polygon(pen, A_SHAPE[0], A_SHAPE[1], _PALE, draw.BLUE)
     _polygon(pen, bx, by, _SAND, draw.ORANGE, 2.0, 0.75)
     draw.text(pen, 0.0, 0.0, _A_NAME, draw.BLUE, 15.0, draw.CENTRE, draw.MIDDLE, 0.0, 0.0, 0.0, 1.0)
-    draw.text(pen, pair[_P], pair[_P + 1], _B_NAME, draw.ORANGE, 15.0, draw.CENTRE, draw.MIDDLE,
-              0.0, 0.0, 0.0, 1.0)  # fmt: skip
+    draw.text(
+        pen,
+        pair[_P],
+        pair[_P + 1],
+        _B_NAME,
+        draw.ORANGE,
+        15.0,
+        draw.CENTRE,
+        draw.MIDDLE,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+    )
     # At the end the nearest or deepest points, before it the corners that the support point
     # consists of.
     if ended:
@@ -376,8 +388,9 @@ def frame(pen, state, controls):
         if count >= 3:
             i, far, normal = nearest_edge(polygon, count)
             j = (i + 1) % count
-            draw.segment(pen, polygon[i, 0], polygon[i, 1], polygon[j, 0], polygon[j, 1],
-                         draw.RED, 4.0)  # fmt: skip
+            draw.segment(
+                pen, polygon[i, 0], polygon[i, 1], polygon[j, 0], polygon[j, 1], draw.RED, 4.0
+            )
             _support((normal[0], normal[1], 0.0), A_SHAPE, vb, pair, new, 0)
             low, high = far, normal[0] * new[0, 0] + normal[1] * new[0, 1]
             if ended:
@@ -455,18 +468,23 @@ def press(controls, state, key):
 
 PRESETS = {
     "Apart: GJK": Preset(
-        {}, "Press play, or move the step. GJK holds one to three points of the Minkowski "
+        {},
+        "Press play, or move the step. GJK holds one to three points of the Minkowski "
         "difference, and looks for another one from their nearest point towards the origin. It "
-        "ends when nothing lies farther that way."),
+        "ends when nothing lies farther that way.",
+    ),
     "Overlapping: GJK, then EPA": Preset(
-        {"position": (0.35, 0.15), "shape": 2}, "The origin lies inside, so GJK ends with a "
-        "triangle around it. EPA then pushes the nearest edge outwards, again and again, until "
-        "that edge belongs to the boundary. Its distance is the depth."),
+        {"position": (0.35, 0.15), "shape": 2},
+        "The origin lies inside, so GJK ends with a triangle around it. EPA then pushes the "
+        "nearest edge outwards, again and again, until that edge belongs to the boundary. Its "
+        "distance is the depth.",
+    ),
     "Drag and see the answer": Preset(
-        {"step": LAST, "shape": 1, "position": (0.8, -0.5)}, "The last step is shown at once. Drag "
-        "B, or the grey shape on the right, and turn B with the arrow keys. The red line is the "
-        "distance or the depth in both pictures."),
-}  # fmt: skip
+        {"step": LAST, "shape": 1, "position": (0.8, -0.5)},
+        "The last step is shown at once. Drag B, or the grey shape on the right, and turn B with "
+        "the arrow keys. The red line is the distance or the depth in both pictures.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

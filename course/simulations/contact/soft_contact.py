@@ -81,9 +81,13 @@ _DEPTH, _IMPEDANCE, _CURVE = word("depth [mm]", "impedance d", "solimp: impedanc
 _TIME, _GAP, _MOTION = word("time [ms]", "gap [mm]", "a body of 1 kg lands")
 _HANDLES, _NOW = word("drag these points", "now, in slow motion")
 _DEEPEST, _END, _HERE, _FORCE, _K, _B = word(
-    "deepest", "depth at the end", "impedance now", "contact force now", "reference k",
+    "deepest",
+    "depth at the end",
+    "impedance now",
+    "contact force now",
+    "reference k",
     "reference b",
-)  # fmt: skip
+)
 _MM, _N, _PER_S2, _PER_S = word(" mm", " N", " 1/s²", " 1/s")
 _LEFT, _RIGHT = (0.8, 4.2, 0.75, 4.15), (5.15, 8.8, 0.75, 4.15)
 
@@ -187,22 +191,28 @@ def drag(controls, state, x, y):
 
 PRESETS = {
     "MuJoCo’s defaults": Preset(
-        {}, "Press play. The body sinks in, the reference spring and damper bring it back, and it "
+        {},
+        "Press play. The body sinks in, the reference spring and damper bring it back, and it "
         "rests a little below the surface. The impedance d is the share of the load that the "
-        "reference takes: drag its curve down and the body rests deeper."),
+        "reference takes: drag its curve down and the body rests deeper.",
+    ),
     "A longer time constant": Preset(
-        {"time": 60.0}, "solref sets the time constant and the damping ratio of the reference. A "
+        {"time": 60.0},
+        "solref sets the time constant and the damping ratio of the reference. A "
         "longer time constant makes the contact softer: it is deeper and takes longer to come to "
-        "rest. Try a small damping ratio as well."),
+        "rest. Try a small damping ratio as well.",
+    ),
     "A soft surface layer": Preset(
-        {"low": 0.05, "high": 0.95, "width": 15.0, "height": 5.0}, "The impedance starts low and "
-        "grows over the width: the first millimetres hardly push. Drag the midpoint and change "
-        "the power, and see where the body comes to rest."),
+        {"low": 0.05, "high": 0.95, "width": 15.0, "height": 5.0},
+        "The impedance starts low and grows over the width: the first millimetres hardly push. "
+        "Drag the midpoint and change the power, and see where the body comes to rest.",
+    ),
     "Bouncy": Preset(
         {"time": 40.0, "ratio": 0.15, "height": 50.0},
         "A small damping ratio leaves energy in the spring, and the body bounces. MuJoCo has no "
-        "coefficient of restitution: a damping ratio below 1 takes its place."),
-}  # fmt: skip
+        "coefficient of restitution: a damping ratio below 1 takes its place.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

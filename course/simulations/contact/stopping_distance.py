@@ -197,18 +197,23 @@ def press(controls, state, key):
 
 PRESETS = {
     "Inside the cone": Preset(
-        {}, "Press play, then drag the launch around. The pyramid allows less friction than the "
+        {},
+        "Press play, then drag the launch around. The pyramid allows less friction than the "
         "cone in most directions, so its block slides farther and turns. The points where it "
-        "stops form a square around the cone’s circle."),
+        "stops form a square around the cone’s circle.",
+    ),
     "Around the cone": Preset(
-        {"pyramid": 1}, "This pyramid allows more friction than Coulomb’s law. Its block stops too "
-        "early, on a diamond inside the circle. Along the axes both laws agree: turn the launch "
-        "until they do."),
+        {"pyramid": 1},
+        "This pyramid allows more friction than Coulomb’s law. Its block stops too early, on a "
+        "diamond inside the circle. Along the axes both laws agree: turn the launch until they do.",
+    ),
     "Along the diagonal": Preset(
-        {"direction": 45.0}, "Here the pyramid is farthest from the cone. The block does not turn, "
+        {"direction": 45.0},
+        "Here the pyramid is farthest from the cone. The block does not turn, "
         "as both axes brake alike, but it slides too far. Change μ and the speed: the distances "
-        "change, their ratio does not."),
-}  # fmt: skip
+        "change, their ratio does not.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

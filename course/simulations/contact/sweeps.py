@@ -193,19 +193,27 @@ def press(controls, state, key):
 
 PRESETS = {
     "Heavy on light": Preset(
-        {}, "Press play, or press the right arrow key for one sweep. A sweep visits each contact "
+        {},
+        "Press play, or press the right arrow key for one sweep. A sweep visits each contact "
         "once and treats the other impulse as right. The upper block presses down the lower one "
-        "again and again, so only a part of the error goes away each time."),
+        "again and again, so only a part of the error goes away each time.",
+    ),
     "Light on heavy": Preset(
-        {"ratio": 0.25}, "The same stack the other way round. A light block hardly disturbs what "
-        "is below it, and a few sweeps are enough."),
+        {"ratio": 0.25},
+        "The same stack the other way round. A light block hardly disturbs what "
+        "is below it, and a few sweeps are enough.",
+    ),
     "Very heavy on light": Preset(
-        {"ratio": 20.0}, "Almost all of the error survives a sweep. A real-time engine stops after "
-        "a few sweeps, and such a stack looks soft. Try smaller mass ratios."),
+        {"ratio": 20.0},
+        "Almost all of the error survives a sweep. A real-time engine stops after "
+        "a few sweeps, and such a stack looks soft. Try smaller mass ratios.",
+    ),
     "Upper contact first": Preset(
-        {"order": 1}, "The first sweep reaches the upper contact before anything presses on it. "
-        "That costs a sweep. After it, the error falls by the same factor as in the other order."),
-}  # fmt: skip
+        {"order": 1},
+        "The first sweep reaches the upper contact before anything presses on it. "
+        "That costs a sweep. After it, the error falls by the same factor as in the other order.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

@@ -319,30 +319,50 @@ PRESETS = {
     "Drag it": Preset(
         {"hand": (0.9, 0.17), "start": (-1.2, 0.9, 0.0, 2.0)},
         "Two boxes start at the same place. Press play and drag the hand: the same spring pulls "
-        "both. The penalty box has to overlap before it is pushed. The constraint box never does."),
+        "both. The penalty box has to overlap before it is pushed. The constraint box never does.",
+    ),
     "Stick": Preset(
-        {"hand": (0.03, 0.2)}, "The hand pulls sideways with less than μ times the normal force. "
-        "The constraint box stays. The penalty box creeps, because its friction is zero at rest. "
-        "Move the hand a little and compare the speeds."),
+        {"hand": (0.03, 0.2)},
+        "The hand pulls sideways with less than μ times the normal force. The constraint box "
+        "stays. The penalty box creeps, because its friction is zero at rest. Move the hand a "
+        "little and compare the speeds.",
+    ),
     "Slip": Preset(
-        {"hand": (1.2, 0.2)}, "The pull exceeds the friction limit. Both contact forces lie on the "
-        "edge of the friction cone. The boxes slide until the pull fits into the cone."),
+        {"hand": (1.2, 0.2)},
+        "The pull exceeds the friction limit. Both contact forces lie on the "
+        "edge of the friction cone. The boxes slide until the pull fits into the cone.",
+    ),
     "Pull-back": Preset(
-        {"pull": True, "zeta": 2.0, "stiffness": 500.0, "hand": (0.0, 0.45),
-         "start": (0.0, 0.15, 0.0, 0.0), "timestep": 2.0},
+        {
+            "pull": True,
+            "zeta": 2.0,
+            "stiffness": 500.0,
+            "hand": (0.0, 0.45),
+            "start": (0.0, 0.15, 0.0, 0.0),
+            "timestep": 2.0,
+        },
         "The hand lifts the boxes out of an overlap. As long as the penalty box overlaps, its "
-        "damper pulls it back: the normal force is negative, as if the floor were sticky."),
+        "damper pulls it back: the normal force is negative, as if the floor were sticky.",
+    ),
     "Explosion": Preset(
         {"stiffness": 50000.0, "timestep": 15.0, "zeta": 0.0},
         "ω h is above 2, so the contact spring throws the penalty box off again and again. At the "
-        "same step, the constraint box lies still. Shorten the step until both do."),
+        "same step, the constraint box lies still. Shorten the step until both do.",
+    ),
     "Tunnelling": Preset(
-        {"fixed": 2, "moving": 0, "stiffness": 500.0, "zeta": 0.0, "hand": (0.6, 0.3),
-         "start": (-0.4, 0.3, 9.0, 0.0)},
+        {
+            "fixed": 2,
+            "moving": 0,
+            "stiffness": 500.0,
+            "zeta": 0.0,
+            "hand": (0.6, 0.3),
+            "start": (-0.4, 0.3, 9.0, 0.0),
+        },
         "A fast ball, a soft contact and a wall of 4 cm. Once the penalty ball is past the middle "
         "of the wall, the shortest way out is the far side, and the spring pushes it there. The "
-        "constraint ball looks ahead by one step and stops, although the hand is behind the wall."),
-}  # fmt: skip
+        "constraint ball looks ahead by one step and stops, although the hand is behind the wall.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

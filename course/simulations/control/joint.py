@@ -207,45 +207,78 @@ _LATE = 20.0  # ms: the delay of the presets that have one
 _KU, _TU = sampled.delay_limit(INERTIA, DAMPING, 1e-3 * (_LATE + 0.5))
 _BARE = {"ki": 0.0, "kd": 0.0, "delay": _LATE}
 PRESETS = {
-    "Default": Preset({},
+    "Default": Preset(
+        {},
         "After five seconds the integral is still unwinding. Set Ki to zero, then drag the "
-        "target, or press Play and watch the arm."),
-    "P at its limit": Preset({**_BARE, "kp": _KU},
+        "target, or press Play and watch the arm.",
+    ),
+    "P at its limit": Preset(
+        {**_BARE, "kp": _KU},
         f"P alone with {_LATE:g} ms of delay, at the gain from w tan(w (D + dt/2)) = b/J: it "
-        "oscillates for ever, and the growth is 1."),
-    "P past its limit": Preset({**_BARE, "kp": 1.1 * _KU},
-        "A tenth more gain, and the oscillation grows until the torque limit holds it."),
-    "PD at its limit": Preset({"ki": 0.0, "kd": 19.5, "dt": 50.0},
+        "oscillates for ever, and the growth is 1.",
+    ),
+    "P past its limit": Preset(
+        {**_BARE, "kp": 1.1 * _KU},
+        "A tenth more gain, and the oscillation grows until the torque limit holds it.",
+    ),
+    "PD at its limit": Preset(
+        {"ki": 0.0, "kd": 19.5, "dt": 50.0},
         "Too much damping: Kd must stay below 2 J/dt if the rate is a difference. Lower it, or "
-        "shorten the sample time."),
-    "Derivative kick": Preset({"on_error": True},
+        "shorten the sample time.",
+    ),
+    "Derivative kick": Preset(
+        {"on_error": True},
         "The target jumps, so the derivative of the error has a spike, and the torque too. "
-        "Switch it off: the margins stay the same."),
-    "A kick": Preset({"push": 40.0, "ki": 0.0},
-        "A push of 40 N m for a tenth of a second, at 3 s."),
-    "A jam": Preset({"kp": 40.0, "kd": 6.0, "ki": 40.0, "limit": 8.0,
-        "load": 2.0, "jam": True, "conditional": False},
-        "The joint is blocked while the integral grows. Switch anti-windup on."),
-    "A weak motor": Preset({"limit": 2.0, "kd": 3.0},
+        "Switch it off: the margins stay the same.",
+    ),
+    "A kick": Preset(
+        {"push": 40.0, "ki": 0.0}, "A push of 40 N m for a tenth of a second, at 3 s."
+    ),
+    "A jam": Preset(
+        {
+            "kp": 40.0,
+            "kd": 6.0,
+            "ki": 40.0,
+            "limit": 8.0,
+            "load": 2.0,
+            "jam": True,
+            "conditional": False,
+        },
+        "The joint is blocked while the integral grows. Switch anti-windup on.",
+    ),
+    "A weak motor": Preset(
+        {"limit": 2.0, "kd": 3.0},
         "At its limit the motor ignores the gains. The margins describe a loop that is open at "
-        "that time."),
-    "A coarse encoder": Preset({"encoder": 4, "ki": 0.0, "dt": 10.0},
+        "that time.",
+    ),
+    "A coarse encoder": Preset(
+        {"encoder": 4, "ki": 0.0, "dt": 10.0},
         "One count per sample, times Kd: the torque rattles though the arm hardly moves. A "
-        "shorter sample time makes it worse."),
-    "Dry friction": Preset({"friction": 1.0, "ki": 0.0},
-        "The joint stops where Kp times the error is smaller than the friction. Then try Ki."),
-    "Hunting": Preset({"friction": 2.0, "static": 3.0, "kp": 40.0, "ki": 150.0, "kd": 6.0},
-        "It sticks, jumps past the target, and sticks again. Set Static / Coulomb to one."),
-    "Z-N, P": Preset({**_BARE, "kp": 0.5 * _KU},
-        "Half of the ultimate gain for the stated delay."),
-    "Z-N, PI": Preset({**_BARE, "kp": 0.45 * _KU, "ki": 0.54 * _KU / _TU},
-        "The joint is an integrator already. With one integral more it is unstable."),
-    "Z-N, PID": Preset({**_BARE, "kp": 0.6 * _KU, "ki": 1.2 * _KU / _TU, "kd": 0.075 * _KU * _TU},
-        "Stable, but with little margin. Raise Kd."),
-    "The quoted gains": Preset({"kp": 27.0, "ki": 120.0, "kd": 1.5},
+        "shorter sample time makes it worse.",
+    ),
+    "Dry friction": Preset(
+        {"friction": 1.0, "ki": 0.0},
+        "The joint stops where Kp times the error is smaller than the friction. Then try Ki.",
+    ),
+    "Hunting": Preset(
+        {"friction": 2.0, "static": 3.0, "kp": 40.0, "ki": 150.0, "kd": 6.0},
+        "It sticks, jumps past the target, and sticks again. Set Static / Coulomb to one.",
+    ),
+    "Z-N, P": Preset({**_BARE, "kp": 0.5 * _KU}, "Half of the ultimate gain for the stated delay."),
+    "Z-N, PI": Preset(
+        {**_BARE, "kp": 0.45 * _KU, "ki": 0.54 * _KU / _TU},
+        "The joint is an integrator already. With one integral more it is unstable.",
+    ),
+    "Z-N, PID": Preset(
+        {**_BARE, "kp": 0.6 * _KU, "ki": 1.2 * _KU / _TU, "kd": 0.075 * _KU * _TU},
+        "Stable, but with little margin. Raise Kd.",
+    ),
+    "The quoted gains": Preset(
+        {"kp": 27.0, "ki": 120.0, "kd": 1.5},
         "Often quoted with 15 % overshoot. But (b + Kd) Kp is less than J Ki: unstable, even "
-        "without delay."),
-}  # fmt: skip
+        "without delay.",
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

@@ -469,34 +469,51 @@ def limits_of(kp):
 _TIMES_GAIN, _LATER = limits_of(_KP)
 _HIGH_GAIN = limits_of(8.0 * _KP)
 PRESETS = {
-    "Comfortable": Preset({},
+    "Comfortable": Preset(
+        {},
         "The PD loop of the Bode plot. Drag |L| up in the first plot, and watch the curve come "
-        "closer to -1 in the Nyquist plot while the step response rises faster."),
-    "Gain at its margin": Preset({"kp": _TIMES_GAIN * _KP},
+        "closer to -1 in the Nyquist plot while the step response rises faster.",
+    ),
+    "Gain at its margin": Preset(
+        {"kp": _TIMES_GAIN * _KP},
         "Kp times its gain margin: the curve runs through -1. The step response oscillates for "
-        "ever, at the phase crossover, where the curve crosses the real axis."),
-    "Beyond the gain margin": Preset({"kp": 1.05 * _TIMES_GAIN * _KP},
-        "Five percent more: -1 is on the other side of the curve, and the oscillation grows."),
-    "Delay at its margin": Preset({"delay": _LATE + 1e3 * _LATER},
+        "ever, at the phase crossover, where the curve crosses the real axis.",
+    ),
+    "Beyond the gain margin": Preset(
+        {"kp": 1.05 * _TIMES_GAIN * _KP},
+        "Five percent more: -1 is on the other side of the curve, and the oscillation grows.",
+    ),
+    "Delay at its margin": Preset(
+        {"delay": _LATE + 1e3 * _LATER},
         "The same gains, and a delay that uses up the phase margin. Now the loop oscillates at "
-        "its crossover, much more slowly."),
-    "High sensitivity": Preset({"kp": 8.0 * _KP},
+        "its crossover, much more slowly.",
+    ),
+    "High sensitivity": Preset(
+        {"kp": 8.0 * _KP},
         "A gain margin above 2 and a phase margin of 45 degrees look good, but the curve "
-        "comes close to -1 between the two points: Ms is above 2."),
-    "Half of both margins": Preset({"kp": math.sqrt(_HIGH_GAIN[0]) * 8.0 * _KP,
-        "delay": _LATE + 500.0 * _HIGH_GAIN[1]},
+        "comes close to -1 between the two points: Ms is above 2.",
+    ),
+    "Half of both margins": Preset(
+        {"kp": math.sqrt(_HIGH_GAIN[0]) * 8.0 * _KP, "delay": _LATE + 500.0 * _HIGH_GAIN[1]},
         "The loop before, with the square root of its gain margin and half of its delay margin at "
-        "once. Each alone is fine; together they are too much."),
-    "P alone": Preset({"kd": 0.0},
+        "once. Each alone is fine; together they are too much.",
+    ),
+    "P alone": Preset(
+        {"kd": 0.0},
         "Without Kd the curve passes -1 closely, and the step response rings for long. "
-        "Raise Kd / Kp and watch the phase."),
-    "With an integral": Preset({"ki": 2.0},
+        "Raise Kd / Kp and watch the phase.",
+    ),
+    "With an integral": Preset(
+        {"ki": 2.0},
         "The phase begins at -180 degrees, as two integrators lag by twice 90. At low frequency "
-        "|S| is smaller than without Ki."),
-    "Slow sampling": Preset({"dt": 20.0, "delay": 0.0},
+        "|S| is smaller than without Ki.",
+    ),
+    "Slow sampling": Preset(
+        {"dt": 20.0, "delay": 0.0},
         "No delay, but a sample time of 20 ms. The hold alone lags by about half a sample, 10 ms. "
-        "The dotted line is half the sample rate."),
-}  # fmt: skip
+        "The dotted line is half the sample rate.",
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour, WINDOW)
 

@@ -181,33 +181,52 @@ def drag(controls, state, x, y):
 _PASSIVE = sampled.passive_stiffness(FRICTION, DT, 2e-3)
 _FORCE = sampled.force_limit(FRICTION, 1e4, 2.5e-3)
 PRESETS = {
-    "Drag it into the wall": Preset({},
+    "Drag it into the wall": Preset(
+        {},
         "A soft impedance controller. Drag the dashed set-point deeper: the force is that of "
-        "two springs in series, the controller's and the wall's."),
-    "Stiff": Preset({"stiffness": 4000.0, "damping": 250.0},
+        "two springs in series, the controller's and the wall's.",
+    ),
+    "Stiff": Preset(
+        {"stiffness": 4000.0, "damping": 250.0},
         "The set-point is two centimetres in the wall. Eight times the stiffness gives six "
-        "times the force."),
-    "B = 2 sqrt(K M)": Preset({"stiffness": 100.0, "damping": 40.0, "wall": 5.0},
+        "times the force.",
+    ),
+    "B = 2 sqrt(K M)": Preset(
+        {"stiffness": 100.0, "damping": 40.0, "wall": 5.0},
         "Critical damping in free space. In contact the wall's stiffness adds to K, and the "
-        "hand vibrates."),
-    "Stiff by friction alone": Preset({"stiffness": 0.95 * _PASSIVE, "damping": 0.0},
-        "Up to K = 2 b/(dt + 2 D) the arm's own friction keeps it stable at any wall."),
-    "A little stiffer": Preset({"stiffness": 1.1 * _PASSIVE, "damping": 0.0},
-        "Above that limit it is unstable. Now raise B, slowly."),
-    "Too much damping": Preset({"damping": 1000.0, "delay": 7.0},
-        "Damping that comes late makes the oscillation grow. Lower B."),
-    "Force": Preset({"controller": PRESSES, "damping": 0.0, "gain": 0.8 * _FORCE},
+        "hand vibrates.",
+    ),
+    "Stiff by friction alone": Preset(
+        {"stiffness": 0.95 * _PASSIVE, "damping": 0.0},
+        "Up to K = 2 b/(dt + 2 D) the arm's own friction keeps it stable at any wall.",
+    ),
+    "A little stiffer": Preset(
+        {"stiffness": 1.1 * _PASSIVE, "damping": 0.0},
+        "Above that limit it is unstable. Now raise B, slowly.",
+    ),
+    "Too much damping": Preset(
+        {"damping": 1000.0, "delay": 7.0},
+        "Damping that comes late makes the oscillation grow. Lower B.",
+    ),
+    "Force": Preset(
+        {"controller": PRESSES, "damping": 0.0, "gain": 0.8 * _FORCE},
         "The wall's stiffness multiplies the gain, and only friction damps the loop. Make the "
-        "wall stiffer."),
-    "Force, too much gain": Preset({"controller": PRESSES, "damping": 0.0, "gain": 1.15 * _FORCE},
-        "The gain is above b/(ke (D + dt/2)): unstable. Lower it."),
-    "Admittance": Preset({"controller": ADMITTANCE, "damping": 300.0},
+        "wall stiffer.",
+    ),
+    "Force, too much gain": Preset(
+        {"controller": PRESSES, "damping": 0.0, "gain": 1.15 * _FORCE},
+        "The gain is above b/(ke (D + dt/2)): unstable. Lower it.",
+    ),
+    "Admittance": Preset(
+        {"controller": ADMITTANCE, "damping": 300.0},
         "The measured force moves a virtual mass on a spring, and a stiff inner loop follows "
-        "that motion."),
-    "Admittance, too light": Preset({"controller": ADMITTANCE, "damping": 20.0, "mass": 0.5,
-        "wall": 5.0},
-        "A stiffer wall needs a heavier virtual mass. Raise it."),
-}  # fmt: skip
+        "that motion.",
+    ),
+    "Admittance, too light": Preset(
+        {"controller": ADMITTANCE, "damping": 20.0, "mass": 0.5, "wall": 5.0},
+        "A stiffer wall needs a heavier virtual mass. Raise it.",
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

@@ -341,26 +341,36 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Follow the target": Preset(
-        {}, "Click anywhere, drag the target, or use the arrow keys. While the simulation plays, "
+        {},
+        "Click anywhere, drag the target, or use the arrow keys. While the simulation plays, "
         "the arm follows. Two arms reach the target (dashed); the steps find the nearer one. "
-        "Green: how far the tip can move for joint rates of one."),
+        "Green: how far the tip can move for joint rates of one.",
+    ),
     "Stretched, target inward": Preset(
         {"start": (0.6, 0.0), "target": (0.6 * math.cos(0.6), 0.6 * math.sin(0.6))},
         "Press play: nothing happens, whatever the step. The tip can only move across the arm, "
-        "and the target lies along it. Nudge the target by one arrow key."),
+        "and the target lies along it. Nudge the target by one arrow key.",
+    ),
     "Target out of reach": Preset(
-        {"target": (1.7, 1.3), "start": (0.2, 0.9)}, "The arm stretches towards it and the error "
-        "stays. The smallest value goes to zero, the glow grows. Then take the pseudo-inverse."),
+        {"target": (1.7, 1.3), "start": (0.2, 0.9)},
+        "The arm stretches towards it and the error stays. The smallest value goes to zero, the "
+        "glow grows. Then take the pseudo-inverse.",
+    ),
     "Jump beside the singularity": Preset(
-        {"method": METHODS.index("pseudo_inverse"), "start": (0.6, 1e-3),
-         "target": (1.2 * math.cos(0.6), 1.2 * math.sin(0.6))}, "A thousandth of a radian from "
-        "stretched, the pseudo-inverse answers a pull inward with turns of many radians. Then "
-        "try the damped step, and slide λ."),
+        {
+            "method": METHODS.index("pseudo_inverse"),
+            "start": (0.6, 1e-3),
+            "target": (1.2 * math.cos(0.6), 1.2 * math.sin(0.6)),
+        },
+        "A thousandth of a radian from stretched, the pseudo-inverse answers a pull inward with "
+        "turns of many radians. Then try the damped step, and slide λ.",
+    ),
     "The same arm in millimetres": Preset(
         {"rows": 2, "start": (0.9, 0.02), "target": (1.8 * math.cos(0.9), 1.8 * math.sin(0.9))},
         "With the angle of the hand among its rows, the condition number depends on the unit of "
-        "the others: choose metres. The posture is the same; so say which rows were scaled."),
-}  # fmt: skip
+        "the others: choose metres. The posture is the same; so say which rows were scaled.",
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

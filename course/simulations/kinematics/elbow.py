@@ -202,17 +202,23 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "The elbow swings": Preset(
-        {}, "Press play. Seven joints, six numbers to keep: one way to move is left. Each step "
-        "goes along it exactly, and the tip is off all the same: the way is curved."),
+        {},
+        "Press play. Seven joints, six numbers to keep: one way to move is left. Each step "
+        "goes along it exactly, and the tip is off all the same: the way is curved.",
+    ),
     "Half the step": Preset(
-        {"h": 0.01}, "A step of half the length is off by a quarter, and twice as many are needed: "
-        "half the error at the same place."),
+        {"h": 0.01},
+        "A step of half the length is off by a quarter, and twice as many are needed: "
+        "half the error at the same place.",
+    ),
     "One IK step after each": Preset(
-        {"correct": True}, "A step of inverse kinematics puts the tip back: from the square of "
-        "h to its fourth power."),
+        {"correct": True},
+        "A step of inverse kinematics puts the tip back: from the square of h to its fourth power.",
+    ),
     "Long steps, put back": Preset(
-        {"h": 0.1, "correct": True}, "Five times as long, and still nothing to be seen."),
-}  # fmt: skip
+        {"h": 0.1, "correct": True}, "Five times as long, and still nothing to be seen."
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

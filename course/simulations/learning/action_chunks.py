@@ -99,9 +99,13 @@ _SEEN, _PREDICTED_KEY, _EXECUTED_KEY, _PLANNED_KEY, _STALE_KEY = word(
     "observation", "being predicted", "executed", "planned, not used", "outdated when ready"
 )
 _LEAST, _MEAN, _MOST, _RATE, _IDLE, _USED = word(
-    "age, least", "age, mean", "age, largest", "predictions", "time without action",
+    "age, least",
+    "age, mean",
+    "age, largest",
+    "predictions",
+    "time without action",
     "actions used",
-)  # fmt: skip
+)
 _MS, _PER_SECOND, _PERCENT, _OF, _NONE = word(" ms", " per s", " %", " of ", "no action")
 _TOP, _LOW = (0.85, 8.8, 2.6, 4.35), (0.85, 8.8, 0.75, 1.9)
 _ROWS = 6
@@ -207,23 +211,30 @@ def press(controls, state, key):
 
 PRESETS = {
     "Eight of sixteen": Preset(
-        {}, "The robot takes an observation (orange), waits for the prediction, executes 8 of its "
+        {},
+        "The robot takes an observation (orange), waits for the prediction, executes 8 of its "
         "16 actions, and uses the next chunk. Each action is older than the one before, until the "
-        "next chunk begins. Lower the executed part and watch the mean age fall."),
+        "next chunk begins. Lower the executed part and watch the mean age fall.",
+    ),
     "One action per chunk": Preset(
-        {"executed": 1, "latency": 20.0, "length": 4}, "A new chunk for each action reacts as fast "
-        "as the latency allows: every action is one period old. It also needs 50 predictions per "
-        "second. Raise the latency: the predictions can't keep up, and each chunk has to last "
-        "longer."),
+        {"executed": 1, "latency": 20.0, "length": 4},
+        "A new chunk for each action reacts as fast as the latency allows: every action is one "
+        "period old. It also needs 50 predictions per second. Raise the latency: the predictions "
+        "can't keep up, and each chunk has to last longer.",
+    ),
     "The robot waits": Preset(
-        {"mode": 1, "latency": 100.0}, "The robot stands still while each chunk is being "
-        "predicted. No action is dropped, but part of the time has none. Execute a larger part of "
-        "each chunk: less time is lost, and the actions become older."),
+        {"mode": 1, "latency": 100.0},
+        "The robot stands still while each chunk is being predicted. No action is dropped, but "
+        "part of the time has none. Execute a larger part of each chunk: less time is lost, and "
+        "the actions become older.",
+    ),
     "The chunk runs out": Preset(
-        {"length": 12, "latency": 160.0, "executed": 8}, "The prediction takes as long as eight "
-        "actions, so only four of the twelve are left when the chunk is ready, and then the robot "
-        "has no action. Make the chunk longer or the prediction faster."),
-}  # fmt: skip
+        {"length": 12, "latency": 160.0, "executed": 8},
+        "The prediction takes as long as eight actions, so only four of the twelve are left when "
+        "the chunk is ready, and then the robot has no action. Make the chunk longer or the "
+        "prediction faster.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

@@ -171,22 +171,29 @@ def press(controls, state, key):
 
 PRESETS = {
     "A good action": Preset(
-        {}, "The action was better than average, so the gradient makes it more likely. Press play: "
+        {},
+        "The action was better than average, so the gradient makes it more likely. Press play: "
         "the ratio rises until it reaches 1 + ε, where the objective becomes flat and nothing "
-        "pulls any further. Drag the point to try other ratios."),
+        "pulls any further. Drag the point to try other ratios.",
+    ),
     "A bad action": Preset(
-        {"advantage": -1.0}, "The action was worse than average, so the gradient makes it less "
-        "likely. Press play: the ratio falls to 1 − ε and stops there. Change the clip width and "
-        "play again."),
+        {"advantage": -1.0},
+        "The action was worse than average, so the gradient makes it less likely. Press play: the "
+        "ratio falls to 1 − ε and stops there. Change the clip width and play again.",
+    ),
     "A bad action that became likelier": Preset(
-        {"advantage": -1.0, "ratio": 1.8}, "Other actions moved the shared weights, and this bad "
-        "action is now far above the clip range. Here the objective is not flat: the full gradient "
-        "brings the ratio back. Press play, and compare with a good action at the same ratio."),
+        {"advantage": -1.0, "ratio": 1.8},
+        "Other actions moved the shared weights, and this bad action is now far above the clip "
+        "range. Here the objective is not flat: the full gradient brings the ratio back. Press "
+        "play, and compare with a good action at the same ratio.",
+    ),
     "Good action, now unlikely": Preset(
-        {"ratio": 0.4}, "A good action below the clip range keeps its full gradient, so the update "
+        {"ratio": 0.4},
+        "A good action below the clip range keeps its full gradient, so the update "
         "can correct the mistake. Drag the point in the right picture: only two of the six fields "
-        "have no gradient."),
-}  # fmt: skip
+        "have no gradient.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

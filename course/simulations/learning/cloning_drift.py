@@ -98,9 +98,13 @@ _BAND_KEY, _RUN_KEY, _OFF_KEY, _MEASURED_KEY, _EXPECTED_KEY, _SQUARE_KEY, _LINE_
     "demonstrated band", "on the path", "off it", "measured", "expected", "½ ε T²", "ε T (recovers)"
 )
 _NOW, _LOST, _EXPECTED, _MEASURED, _SQUARE, _LINEAR = word(
-    "step now", "runs off the band", "expected at T", "measured to T", "½ ε T², no recovery",
+    "step now",
+    "runs off the band",
+    "expected at T",
+    "measured to T",
+    "½ ε T², no recovery",
     "ε T, recovers",
-)  # fmt: skip
+)
 _PERCENT = word(" %")[0]
 _LEFT, _RIGHT = (0.8, 4.9, 0.8, 4.05), (5.85, 8.85, 0.8, 4.05)
 
@@ -168,21 +172,29 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Lost after one error": Preset(
-        {}, "Press play. After its first error a run is in states that no demonstration showed, "
+        {},
+        "Press play. After its first error a run is in states that no demonstration showed, "
         "and every later step is wrong too. At first the cost grows with the square of time, ½ ε "
-        "T². Once most runs are lost it grows by one wrong step per step."),
+        "T². Once most runs are lost it grows by one wrong step per step.",
+    ),
     "A small error rate": Preset(
-        {"inside": 0.1}, "While ε T is small, the cost follows the square law closely. Double the "
-        "length of the task: the cost becomes about four times as large."),
+        {"inside": 0.1},
+        "While ε T is small, the cost follows the square law closely. Double the "
+        "length of the task: the cost becomes about four times as large.",
+    ),
     "DAgger: labels off the path too": Preset(
-        {"inside": 1.0, "outside": 1.0}, "The expert has also labelled the states beside the path, "
-        "so a step there is wrong no more often than on it. Each error costs only itself, and the "
-        "cost grows in proportion to time, ε T. Raise the error rate off the path step by step."),
+        {"inside": 1.0, "outside": 1.0},
+        "The expert has also labelled the states beside the path, so a step there is wrong no more "
+        "often than on it. Each error costs only itself, and the cost grows in proportion to time, "
+        "ε T. Raise the error rate off the path step by step.",
+    ),
     "Errors are often corrected": Preset(
-        {"outside": 80.0, "inside": 1.0}, "Off the path the policy is wrong in four of five steps. "
-        "An error then costs five steps on average, but it does not last, so the cost grows in "
-        "proportion to time. Compare 80 % with 99 %."),
-}  # fmt: skip
+        {"outside": 80.0, "inside": 1.0},
+        "Off the path the policy is wrong in four of five steps. An error then costs five steps on "
+        "average, but it does not last, so the cost grows in proportion to time. Compare 80 % with "
+        "99 %.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

@@ -126,9 +126,13 @@ _TIME, _SAMPLE, _PATHS = word("time t", "sample", "from noise (t = 0) to data (t
 _DENSITY, _NOW = word("density", "samples at this time")
 _SOLVER_KEY, _EXACT_KEY, _MODES_KEY = word("path of the solver", "exact flow", "exact density")
 _T, _STEPS, _CALLS, _OFF, _END, _BETWEEN = word(
-    "time t", "solver steps", "field evaluations", "distance, now", "distance, at t = 1",
+    "time t",
+    "solver steps",
+    "field evaluations",
+    "distance, now",
+    "distance, at t = 1",
     "between the modes",
-)  # fmt: skip
+)
 _PERCENT = word(" %")[0]
 _LEFT, _RIGHT = (0.75, 5.4, 0.8, 4.2), (6.15, 8.85, 0.8, 4.2)
 _LOW, _HIGH = -2.6, 2.6
@@ -229,22 +233,30 @@ def press(controls, state, key):
 
 PRESETS = {
     "Five Euler steps": Preset(
-        {}, "Press play, or drag the time. Noise flows along the exact velocity field. In each "
+        {},
+        "Press play, or drag the time. Noise flows along the exact velocity field. In each "
         "step Euler's method keeps the velocity of the step's beginning, so the samples arrive "
-        "near the modes but not with the right spread. Raise the number of steps."),
+        "near the modes but not with the right spread. Raise the number of steps.",
+    ),
     "One Euler step": Preset(
-        {"steps": 1, "time": 1.0}, "At t = 0 a sample is only noise and says nothing about the "
-        "data. The best velocity points to the mean of all data, so one step takes every sample "
-        "to the middle, where there are no data. Take two steps, then three."),
+        {"steps": 1, "time": 1.0},
+        "At t = 0 a sample is only noise and says nothing about the data. The best velocity points "
+        "to the mean of all data, so one step takes every sample to the middle, where there are no "
+        "data. Take two steps, then three.",
+    ),
     "Five Heun steps": Preset(
-        {"solver": 1}, "Heun's method also evaluates the field at the end of each step and uses "
+        {"solver": 1},
+        "Heun's method also evaluates the field at the end of each step and uses "
         "the mean of both velocities. Compare its distance at t = 1 with that of ten Euler steps, "
-        "which evaluate the field as often."),
+        "which evaluate the field as often.",
+    ),
     "A rare mode": Preset(
-        {"share": 0.1, "steps": 20}, "One tenth of the data lie in the upper mode, and one tenth "
-        "of the noise flows there. Where the paths part depends on the share. Make the modes "
-        "narrower and lower the number of steps: the distance grows."),
-}  # fmt: skip
+        {"share": 0.1, "steps": 20},
+        "One tenth of the data lie in the upper mode, and one tenth of the noise flows there. "
+        "Where the paths part depends on the share. Make the modes narrower and lower the number "
+        "of steps: the distance grows.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {
@@ -256,7 +268,7 @@ READOUTS = {
     "distance, at t = 1": "The same at the end, where the samples are used as actions.",
     "between the modes": "Share of the final samples more than three standard deviations inside of "
     "both modes.",
-}  # fmt: skip
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(

@@ -154,9 +154,14 @@ _N, _OF_STEPS = word("n", "weights of the n-step advantages")
 _DELTA, _THIS_PATH = word("TD error δ", "one path: TD errors, weighted")
 _LAMBDA, _SIZE, _TRADE = word("λ", "error of the estimate", "bias and noise over λ")
 _ADVANTAGE, _BIAS, _DEVIATION, _HORIZON, _MEASURED, _MEASURED_DEVIATION, _PATHS = word(
-    "advantage, this path", "bias", "standard deviation", "horizon 1/(1 − γλ)", "bias, measured",
-    "deviation, measured", "paths sampled",
-)  # fmt: skip
+    "advantage, this path",
+    "bias",
+    "standard deviation",
+    "horizon 1/(1 − γλ)",
+    "bias, measured",
+    "deviation, measured",
+    "paths sampled",
+)
 _BIAS_KEY, _NOISE_KEY, _BOTH_KEY, _RAW_KEY, _WEIGHTED_KEY = word(
     "|bias|", "deviation", "both, RMS", "δ", "weight × δ"
 )
@@ -247,21 +252,29 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "The usual λ of 0.95": Preset(
-        {}, "Move λ. Every step further ahead counts γλ times as much as the one before. Most of "
+        {},
+        "Move λ. Every step further ahead counts γλ times as much as the one before. Most of "
         "the weight lies within the horizon of 1/(1 − γλ) steps. Press play to sample paths and "
-        "compare the measured bias and deviation with the predicted ones."),
+        "compare the measured bias and deviation with the predicted ones.",
+    ),
     "λ = 0: believe the critic": Preset(
-        {"trace": 0.0}, "Only the first TD error counts. The estimate has the noise of a single "
+        {"trace": 0.0},
+        "Only the first TD error counts. The estimate has the noise of a single "
         "reward, but nearly all of the critic's error is in it. Set the critic's error to 0: then "
-        "λ = 0 is the best choice."),
+        "λ = 0 is the best choice.",
+    ),
     "λ = 1: wait for the return": Preset(
-        {"trace": 1.0}, "All errors count, and the critic's values cancel. No bias is left, but "
-        "the noise of all rewards adds up. Raise λ from 0.8 to 1 and see which of the two grows."),
+        {"trace": 1.0},
+        "All errors count, and the critic's values cancel. No bias is left, but "
+        "the noise of all rewards adds up. Raise λ from 0.8 to 1 and see which of the two grows.",
+    ),
     "Cut off by a time limit": Preset(
-        {"trace": 1.0, "end": 1}, "The time limit comes before the prize. What follows is "
-        "known only from the critic, so its error stays in the estimate even with λ = 1. Switch "
-        "to a terminated path and compare the bias."),
-}  # fmt: skip
+        {"trace": 1.0, "end": 1},
+        "The time limit comes before the prize. What follows is known only from the critic, so its "
+        "error stays in the estimate even with λ = 1. Switch to a terminated path and compare the "
+        "bias.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {
@@ -273,7 +286,7 @@ READOUTS = {
     "bias, measured": "The bias over the paths that were sampled with this λ.",
     "deviation, measured": "Standard deviation of the advantage over the paths that were sampled.",
     "paths sampled": "How many paths the measured numbers rest on.",
-}  # fmt: skip
+}
 
 PAPER = draw.Paper(TITLE, word, colour, window=(0.0, 9.0, 0.0, 6.0))
 MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, readouts=READOUTS)

@@ -159,9 +159,13 @@ _BETTER, _WORSE, _AVERAGE, _TRUE, _POLICY = word(
     "positive advantage", "negative advantage", "average vote", "true gradient", "policy: drag it"
 )
 _ANGLE, _SIZE, _TRUTH, _ERROR, _EXPECTED, _REWARD = word(
-    "angle to the gradient", "size, estimate", "size, true", "error, this step", "error, expected",
+    "angle to the gradient",
+    "size, estimate",
+    "size, true",
+    "error, this step",
+    "error, expected",
     "expected reward",
-)  # fmt: skip
+)
 _DEGREES, _PERCENT, _NONE = word("°", " %", "none: at the top")
 _SCENE, _VIEW = (0.7, 4.75, 0.6, 4.1), (-2.7, 2.7, -2.35, 2.3167)
 _ROSE = (5.75, 8.85, 0.85, 3.95)
@@ -293,22 +297,30 @@ def press(controls, state, key):
 
 PRESETS = {
     "Twelve samples": Preset(
-        {}, "Each sample votes with its advantage times (a − μ)/σ². Samples that were better than "
+        {},
+        "Each sample votes with its advantage times (a − μ)/σ². Samples that were better than "
         "average pull the mean towards themselves, worse ones push it away. Press play: the mean "
-        "follows the average vote uphill. Drag the policy to start elsewhere."),
+        "follows the average vote uphill. Drag the policy to start elsewhere.",
+    ),
     "The same without a baseline": Preset(
-        {"baseline": False, "start": (0.2, 0.1)}, "Here almost all rewards are positive, so every "
-        "sample pulls the mean towards itself. The average is still right in the long run, but "
-        "it is far noisier. Switch the baseline on and compare the expected error."),
+        {"baseline": False, "start": (0.2, 0.1)},
+        "Here almost all rewards are positive, so every sample pulls the mean towards itself. The "
+        "average is still right in the long run, but it is far noisier. Switch the baseline on and "
+        "compare the expected error.",
+    ),
     "Two hundred samples": Preset(
-        {"samples": LARGEST}, "With more samples the average vote comes closer to the true "
-        "gradient: its error falls with the square root of their number. Change the number by a "
-        "factor of four and compare the expected error."),
+        {"samples": LARGEST},
+        "With more samples the average vote comes closer to the true gradient: its error falls "
+        "with the square root of their number. Change the number by a factor of four and compare "
+        "the expected error.",
+    ),
     "A narrow policy": Preset(
-        {"spread": 0.1}, "The samples lie close together and their rewards hardly differ. But the "
+        {"spread": 0.1},
+        "The samples lie close together and their rewards hardly differ. But the "
         "score divides by σ², so the votes are as long as before. Switch the baseline off: now "
-        "every vote is long, whatever its reward, and the expected error explodes."),
-}  # fmt: skip
+        "every vote is long, whatever its reward, and the expected error explodes.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

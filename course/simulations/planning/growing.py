@@ -452,34 +452,64 @@ def _placed(*pieces):
 
 PRESETS = {
     "Among obstacles": Preset(
-        {"pieces": _placed((4.5, 2.5, 0.8, 2.0), (8.0, 6.5, 0.5, 2.0), (11.5, 3.0, 1.4, 0.5),
-                           (13.8, 6.0, 0.4, 1.8), (5.5, 7.2, 1.0, 0.4))},
+        {
+            "pieces": _placed(
+                (4.5, 2.5, 0.8, 2.0),
+                (8.0, 6.5, 0.5, 2.0),
+                (11.5, 3.0, 1.4, 0.5),
+                (13.8, 6.0, 0.4, 1.8),
+                (5.5, 7.2, 1.0, 0.4),
+            )
+        },
         "Press Play, or Step and Plan below the picture. Drag start, goal and obstacles; drag the "
         "rim of an obstacle to resize it; click on free ground to add one. Try the other "
-        "planners, and then Shortcut."),
+        "planners, and then Shortcut.",
+    ),
     "Narrow gap": Preset(
         {"step": 1.0, "pieces": _placed((8.8, 2.9, 0.25, 2.9), (8.8, 7.6, 0.25, 1.4))},
         "A wall with a gap of 0.4 m. Try several seeds: the number of samples varies widely. "
-        "Compare RRT and RRT-Connect. Then drag the rim of a wall until the gap is half as wide."),
+        "Compare RRT and RRT-Connect. Then drag the rim of a wall until the gap is half as wide.",
+    ),
     "Bug trap": Preset(
-        {"ends": (5.0, 2.6, 15.5, 4.5), "step": 1.0, "seed": 3, "pieces": _placed(
-            (3.0, 4.5, 0.1, 3.0), (5.5, 1.6, 2.6, 0.1), (5.5, 7.4, 2.6, 0.1), (8.0, 2.6, 0.1, 1.1),
-            (8.0, 6.4, 0.1, 1.1), (7.2, 3.6, 0.9, 0.1), (7.2, 5.4, 0.9, 0.1))},
+        {
+            "ends": (5.0, 2.6, 15.5, 4.5),
+            "step": 1.0,
+            "seed": 3,
+            "pieces": _placed(
+                (3.0, 4.5, 0.1, 3.0),
+                (5.5, 1.6, 2.6, 0.1),
+                (5.5, 7.4, 2.6, 0.1),
+                (8.0, 2.6, 0.1, 1.1),
+                (8.0, 6.4, 0.1, 1.1),
+                (7.2, 3.6, 0.9, 0.1),
+                (7.2, 5.4, 0.9, 0.1),
+            ),
+        },
         "The goal pulls the tree against the wall, and the only exit is inside the funnel. Raise "
         "the goal bias and it takes longer. A tree that grows from the goal enters through the "
-        "funnel."),
+        "funnel.",
+    ),
     "Tunnelling edge check": Preset(
         {"check": 1, "pieces": _placed((8.8, 4.5, 0.05, 4.5))},
         "A closed wall, 0.1 m thick, and edges checked every 0.5 m: the planner reports a path. "
         "Red edges are those that an exact check finds in collision. Then switch to the exact "
-        "check: there is no path, and the planner cannot know that; it only runs out of samples."),
+        "check: there is no path, and the planner cannot know that; it only runs out of samples.",
+    ),
     "Unreachable goal": Preset(
-        {"ends": (1.5, 4.5, 14.0, 4.5), "method": CONNECT, "pieces": _placed(
-            (14.0, 3.2, 1.5, 0.1), (14.0, 5.8, 1.5, 0.1), (12.6, 4.5, 0.1, 1.4),
-            (15.4, 4.5, 0.1, 1.4))},
+        {
+            "ends": (1.5, 4.5, 14.0, 4.5),
+            "method": CONNECT,
+            "pieces": _placed(
+                (14.0, 3.2, 1.5, 0.1),
+                (14.0, 5.8, 1.5, 0.1),
+                (12.6, 4.5, 0.1, 1.4),
+                (15.4, 4.5, 0.1, 1.4),
+            ),
+        },
         "The goal is walled in. A sampling-based planner never knows that: it stops when its "
-        "budget is used up. The tree of the goal shows you why. Drag a wall aside and plan again."),
-}  # fmt: skip
+        "budget is used up. The tree of the goal shows you why. Drag a wall aside and plan again.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

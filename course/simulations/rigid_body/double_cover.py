@@ -101,16 +101,22 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "A full turn: q becomes −q": Preset(
-        {}, "After 360° the body stands as at the start, and every component has the other sign. "
-        "The quaternion turns with half the angle."),
+        {},
+        "After 360° the body stands as at the start, and every component has the other sign. "
+        "The quaternion turns with half the angle.",
+    ),
     "Two full turns": Preset(
-        {"goal": 720.0}, "Only after 720° are the four numbers those of the start."),
+        {"goal": 720.0}, "Only after 720° are the four numbers those of the start."
+    ),
     "The long way": Preset(
-        {"goal": 270.0}, "q · q′ is negative: the straight way from q to q′ turns by 270°."),
+        {"goal": 270.0}, "q · q′ is negative: the straight way from q to q′ turns by 270°."
+    ),
     "The short way": Preset(
-        {"goal": 270.0, "path": 1}, "The same attitude, written as −q′: now the straight way turns "
-        "by 90°, backwards. Before you interpolate, take the sign with q · q′ ≥ 0."),
-}  # fmt: skip
+        {"goal": 270.0, "path": 1},
+        "The same attitude, written as −q′: now the straight way turns by 90°, backwards. Before "
+        "you interpolate, take the sign with q · q′ ≥ 0.",
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

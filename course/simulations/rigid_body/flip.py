@@ -119,14 +119,18 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Middle axis: it flips": Preset(
-        {}, "A push of a hundredth grows until the body turns over, again and again. L stays."),
+        {}, "A push of a hundredth grows until the body turns over, again and again. L stays."
+    ),
     "Largest moment: steady": Preset(
-        {"axis": 2}, "The same push about the axis of the largest moment circles, never grows."),
+        {"axis": 2}, "The same push about the axis of the largest moment circles, never grows."
+    ),
     "Smallest moment: steady": Preset(
-        {"axis": 0}, "The axis of the smallest moment is as safe, while nothing takes energy."),
+        {"axis": 0}, "The axis of the smallest moment is as safe, while nothing takes energy."
+    ),
     "A millionth: later, not never": Preset(
-        {"push": -6.0}, "A push ten times smaller delays the flip by ln 10 over the growth."),
-}  # fmt: skip
+        {"push": -6.0}, "A push ten times smaller delays the flip by ln 10 over the growth."
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

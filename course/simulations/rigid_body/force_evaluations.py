@@ -214,29 +214,43 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Explicit Euler": Preset(
-        {}, "The only force is evaluated at the start, so the step follows the tangent there. "
-        "Drag the start around the circle: the step always ends outside, with too much energy."),
+        {},
+        "The only force is evaluated at the start, so the step follows the tangent there. "
+        "Drag the start around the circle: the step always ends outside, with too much energy.",
+    ),
     "Semi-implicit Euler": Preset(
-        {"method": 1}, "The force is the same, but now the new velocity moves the mass. Drag the "
-        "start: from some phases the step ends outside the circle, from others inside."),
+        {"method": 1},
+        "The force is the same, but now the new velocity moves the mass. Drag the "
+        "start: from some phases the step ends outside the circle, from others inside.",
+    ),
     "Velocity Verlet": Preset(
-        {"method": 2}, "The second force is evaluated at the new position. The next step begins "
-        "there and uses it again, so each step needs one new evaluation."),
+        {"method": 2},
+        "The second force is evaluated at the new position. The next step begins "
+        "there and uses it again, so each step needs one new evaluation.",
+    ),
     "Explicit midpoint": Preset(
-        {"method": 3}, "Force 1 is used only to reach the middle of the step. Force 2, evaluated "
-        "there, then changes the velocity over the whole step."),
+        {"method": 3},
+        "Force 1 is used only to reach the middle of the step. Force 2, evaluated "
+        "there, then changes the velocity over the whole step.",
+    ),
     "Implicit midpoint": Preset(
-        {"method": 4}, "The last force is evaluated halfway between start and end. The end is not "
+        {"method": 4},
+        "The last force is evaluated halfway between start and end. The end is not "
         "known before, so the equation is solved by iteration: several evaluations for one step. "
-        "The end stays on the circle."),
+        "The end stays on the circle.",
+    ),
     "RK4": Preset(
-        {"method": 5}, "Four evaluations: at the start, twice in the middle, at the end. Press "
-        "play to see their sequence. The error is by far the smallest of the six."),
+        {"method": 5},
+        "Four evaluations: at the start, twice in the middle, at the end. Press "
+        "play to see their sequence. The error is by far the smallest of the six.",
+    ),
     "The order in numbers": Preset(
-        {"method": 5, "omega_h": 0.2}, "Two half steps cover the same time as one step. For RK4 "
-        "their error is about 16 times smaller. Choose other integrators: the ratio is about 2 for "
-        "order 1 and about 4 for order 2."),
-}  # fmt: skip
+        {"method": 5, "omega_h": 0.2},
+        "Two half steps cover the same time as one step. For RK4 their error is about 16 times "
+        "smaller. Choose other integrators: the ratio is about 2 for order 1 and about 4 for order "
+        "2.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {
@@ -248,7 +262,7 @@ READOUTS = {
     "ratio of the errors": "Error of one step over the error of two half steps.",
     "ratio for small ω h": "2 to the power of the order: what the ratio tends to as ω h tends to "
     "zero.",
-}  # fmt: skip
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(

@@ -110,20 +110,28 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "A brick": Preset(
-        {}, "No torque acts. L stays where it is, ω does not: its tip runs over a plane, as the "
-        "energy is half of ω · L. Drag to look from elsewhere."),
+        {},
+        "No torque acts. L stays where it is, ω does not: its tip runs over a plane, as the "
+        "energy is half of ω · L. Drag to look from elsewhere.",
+    ),
     "A plate: two cones that roll": Preset(
-        {"body": "plate", "tilt": 25.0}, "Two moments are equal. ω circles L in space and axis 3 "
-        "in the body, both at a steady rate: one cone rolls on the other, along ω."),
+        {"body": "plate", "tilt": 25.0},
+        "Two moments are equal. ω circles L in space and axis 3 in the body, both at a steady "
+        "rate: one cone rolls on the other, along ω.",
+    ),
     "A rod": Preset(
-        {"body": "rod", "tilt": 20.0}, "A slim body: L leans far from ω, and the body cone rolls "
-        "outside the space cone. For a plate the space cone is inside it."),
+        {"body": "rod", "tilt": 20.0},
+        "A slim body: L leans far from ω, and the body cone rolls outside the space cone. For a "
+        "plate the space cone is inside it.",
+    ),
     "About its own axis": Preset(
-        {"tilt": 0.0}, "About a principal axis L and ω are parallel, and only then does ω stay."),
+        {"tilt": 0.0}, "About a principal axis L and ω are parallel, and only then does ω stay."
+    ),
     "A cube": Preset(
-        {"body": "cube"}, "All moments are equal: L = I ω with a number I, so ω stays with L, "
-        "whatever the axis."),
-}  # fmt: skip
+        {"body": "cube"},
+        "All moments are equal: L = I ω with a number I, so ω stays with L, whatever the axis.",
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

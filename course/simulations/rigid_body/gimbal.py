@@ -117,15 +117,20 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Three free axes": Preset(
-        {}, "Press play: each ring in turn wiggles about its own axis. The farther the middle ring "
+        {},
+        "Press play: each ring in turn wiggles about its own axis. The farther the middle ring "
         "tilts, the nearer the outer axis comes to the inner. The curve: how fast the plate turns "
-        "about its weakest axis, of rings at 1 rad/s in all."),
+        "about its weakest axis, of rings at 1 rad/s in all.",
+    ),
     "Locked: pitch 90°": Preset(
-        {"pitch": 90.0}, "The outer and the inner ring turn about one axis: wiggling either does "
-        "the same. None turns the plate about the red one. It can; three angles cannot follow."),
+        {"pitch": 90.0},
+        "The outer and the inner ring turn about one axis: wiggling either does "
+        "the same. None turns the plate about the red one. It can; three angles cannot follow.",
+    ),
     "Nearly locked: pitch 80°": Preset(
-        {"pitch": 80.0}, "To turn about the red axis at 1 rad/s the rings need eight times that."),
-}  # fmt: skip
+        {"pitch": 80.0}, "To turn about the red axis at 1 rad/s the rings need eight times that."
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

@@ -126,17 +126,23 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "A step well below the limit": Preset(
-        {}, "Drag the bar ω h. Semi-implicit Euler: both eigenvalues stay on the unit circle, the "
-        "patch is sheared and turned, and its area stays what it was."),
+        {},
+        "Drag the bar ω h. Semi-implicit Euler: both eigenvalues stay on the unit circle, the "
+        "patch is sheared and turned, and its area stays what it was.",
+    ),
     "At the limit, ω h = 2": Preset(
-        {"omega_h": 2.0}, "Both eigenvalues meet at −1. The patch keeps its area and is drawn out: "
-        "the motion grows by as much every step."),
+        {"omega_h": 2.0},
+        "Both eigenvalues meet at −1. The patch keeps its area and is drawn out: "
+        "the motion grows by as much every step.",
+    ),
     "Just beyond": Preset(
-        {"omega_h": 2.01}, "One eigenvalue leaves the circle, the other enters it, the area still "
-        "stays: that does not make a step stable."),
+        {"omega_h": 2.01},
+        "One eigenvalue leaves the circle, the other enters it, the area still "
+        "stays: that does not make a step stable.",
+    ),
     "Explicit Euler": Preset({"method": 0, "omega_h": 0.2}, "Outside at every h: the patch grows."),
     "RK4": Preset({"method": 5, "omega_h": 1.5}, "Inside the circle: the patch shrinks."),
-}  # fmt: skip
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

@@ -119,17 +119,22 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "A fast top": Preset(
-        {}, "The torque of the weight points sideways, and L follows it. The axis nods. "
+        {},
+        "The torque of the weight points sideways, and L follows it. The axis nods. "
         "Fast-top theory, m g l over I3 ω, leaves out what the circling itself adds to L, and "
-        "comes out too slow; with more spin the two meet."),
+        "comes out too slow; with more spin the two meet.",
+    ),
     "Equal moments: still it stands": Preset(
-        {"moments": 1, "spin": 60.0}, "With I1 = I3 the gyroscopic term ω × I ω is zero, and the "
-        "top stands. Not the term holds it, L does."),
+        {"moments": 1, "spin": 60.0},
+        "With I1 = I3 the gyroscopic term ω × I ω is zero, and the top stands. Not the term holds "
+        "it, L does.",
+    ),
     "Upright, 5 % too slow": Preset(
-        {"spin": 67.0, "tilt": 1.0}, "Below it the top falls far aside, rises, and repeats."),
+        {"spin": 67.0, "tilt": 1.0}, "Below it the top falls far aside, rises, and repeats."
+    ),
     "Upright, 5 % above": Preset({"spin": 75.0, "tilt": 1.0}, "Above it the axis stays near."),
     "No spin": Preset({"spin": 0.0}, "Without spin there is no L to turn, and L grows sideways."),
-}  # fmt: skip
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

@@ -136,14 +136,18 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "A fast ball": Preset(
-        {}, "In one step the ball flies more than three times D: most are before the wall at one "
-        "look and beyond it at the next. Which ones is luck."),
+        {},
+        "In one step the ball flies more than three times D: most are before the wall at one "
+        "look and beyond it at the next. Which ones is luck.",
+    ),
     "Just slow enough": Preset(
-        {"speed": 12.0}, "v h = D: some look always falls into the wall. Raise v by a little."),
+        {"speed": 12.0}, "v h = D: some look always falls into the wall. Raise v by a little."
+    ),
     "Swept": Preset({"sweep": True}, "The way between two looks is tested: no wall is too thin."),
     "A shorter step": Preset(
-        {"timestep": 2.0}, "Smaller steps help in proportion; for a bullet and foil never enough."),
-}  # fmt: skip
+        {"timestep": 2.0}, "Smaller steps help in proportion; for a bullet and foil never enough."
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

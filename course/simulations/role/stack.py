@@ -160,8 +160,9 @@ _NOW, _LEAST, _MEAN, _GREATEST, _RUN, _HERE, _RATE = word(
 )
 _PER, _HIST, _AGE, _SHARE = word(" Hz", "age of the command in force", "age [ms]", "share")
 _L = word("least", "mean", "bound")[0]
-_AT = np.array([(2.9, 0.55), (0.85, 1.55), (0.85, 4.1), (2.9, 4.1), (4.95, 4.1), (4.95, 1.55),
-                (2.9, 2.3)])  # fmt: skip
+_AT = np.array(
+    [(2.9, 0.55), (0.85, 1.55), (0.85, 4.1), (2.9, 4.1), (4.95, 4.1), (4.95, 1.55), (2.9, 2.3)]
+)
 _W, _H = 0.66, 0.27  # half a box
 _FROM = np.array([role.BOXES.index(edge.source) for edge in role.STACK])
 _TO = np.array([role.BOXES.index(edge.target) for edge in role.STACK])
@@ -346,23 +347,32 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Comfortable": Preset(
-        {}, "Press play. Each dot is the content of an image, with its age in milliseconds. Time "
+        {},
+        "Press play. Each dot is the content of an image, with its age in milliseconds. Time "
         "runs ten times slower than in reality. Click a box, or use the arrow keys. Dashed lines: "
-        "the predicted least age, mean and bound."),
+        "the predicted least age, mean and bound.",
+    ),
     "Slow perception": Preset(
-        {"seeing": 120.0, "parallel": False}, "One worker needs four periods of the camera "
-        "for an image, so three images of four are lost. Then let several workers see."),
+        {"seeing": 120.0, "parallel": False},
+        "One worker needs four periods of the camera for an image, so three images of four are "
+        "lost. Then let several workers see.",
+    ),
     "Deep queue": Preset(
-        {"depth": 10, "rate": 5.0}, "The queue before the planner keeps ten poses and hands out "
-        "the oldest. Move its depth down to one."),
+        {"depth": 10, "rate": 5.0},
+        "The queue before the planner keeps ten poses and hands out the oldest. Move its depth "
+        "down to one.",
+    ),
     "Locked clocks": Preset(
-        {"locked": True, "phase": 0.95}, "Camera and planner run from the same clock, so the phase "
-        "between them never changes. The mean of the run differs from the prediction. Move the "
-        "planner's phase."),
+        {"locked": True, "phase": 0.95},
+        "Camera and planner run from the same clock, so the phase between them never changes. The "
+        "mean of the run differs from the prediction. Move the planner's phase.",
+    ),
     "Overload": Preset(
-        {"trigger": "on arrival", "depth": 10}, "Each pose starts the planner. It needs 60 ms, but "
-        "poses come every 33 ms: it is always busy, and its queue is always full."),
-}  # fmt: skip
+        {"trigger": "on arrival", "depth": 10},
+        "Each pose starts the planner. It needs 60 ms, but poses come every 33 ms: it is always "
+        "busy, and its queue is always full.",
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 

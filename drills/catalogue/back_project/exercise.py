@@ -43,13 +43,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
         *(observed("all pixels", *size) for size in ((7, 9), (12, 5), (1, 8))),
         *(observed("holes", holes=share) for share in (0.1, 0.6)),
         observed("holes that are NaN", holes=0.3, fill=np.nan),
-        observed("millimetres", unit=1e-3), observed("millimetres, holes", holes=0.3, unit=1e-3),
+        observed("millimetres", unit=1e-3),
+        observed("millimetres, holes", holes=0.3, unit=1e-3),
         observed("unsigned counts of 1 mm", holes=0.2, unit=1e-3, kind=np.uint16),
         observed("unsigned counts of 0.1 mm", holes=0.2, unit=1e-4, kind=np.uint16),
         observed("nothing measured", holes=1.0, level="edge"),
         observed("nothing but NaN", holes=1.0, fill=np.nan, level="edge"),
         Case((np.array([[0, 3, 1], [2, 0, 5]]), 2, 4, 1, 1, 1), WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:

@@ -42,17 +42,21 @@ def cases(rng: np.random.Generator) -> list[Case]:
     )
     whole[2][0, 0], whole[2][0, 1], whole[2][1, 1] = 1, 0, 1
     return [
-        ranges("both ends pay", "simple", [(19, 18)]), ranges("neither", "simple", [(3, 6)]),
+        ranges("both ends pay", "simple", [(19, 18)]),
+        ranges("neither", "simple", [(3, 6)]),
         ranges("between", "simple", [(12, 14)]),
         ranges("ends apart", "core", [(19, 4), (2, 17), (13, 19)]),
-        *(ranges("several", "core", [tuple(rng.choice(CLEAR, 2).tolist()) for _ in range(6)])
-          for _ in range(4)),
+        *(
+            ranges("several", "core", [tuple(rng.choice(CLEAR, 2).tolist()) for _ in range(6)])
+            for _ in range(4)
+        ),
         ranges("near the calibrated value", "core", [(3, 2), (19, 1), (5, 18)], near=0.1),
         # A mean of sixteenths is exact, however it is summed up.
         ranges("at a threshold", "edge", [(12, 8), (8, 12)], m=16, shares=(0.5, 0.75)),
         ranges("closed", "edge", [(2, 19), (18, 3)], near=0.0),
-        ranges("one episode", "edge", [(1, 0), (0, 1)], m=1), Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+        ranges("one episode", "edge", [(1, 0), (0, 1)], m=1),
+        Case(whole, WHOLE, "edge"),
+    ]
 
 
 _MEAN = "mean = np.mean(np.asarray(outcomes, dtype=float), axis=2)"

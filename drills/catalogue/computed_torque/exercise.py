@@ -46,8 +46,16 @@ def cases(rng: np.random.Generator) -> list[Case]:
     still = {"error": 0.0, "slow": 0.0, "v": 0.0, "a": 0.0}
     one, zero, far = np.ones(2), np.zeros(2), moving().args
     far[5][0] = far[3] + rng.uniform(7.0, 9.0, 2)
-    whole = (np.array([1, 2]), np.array([2, 1]), 10, np.array([1, -1]), np.array([1, 2]),
-             np.array([[2, 1], [0, 1], [3, -2]]), np.array([9, 16]), np.array([6, 8]))  # fmt: skip
+    whole = (
+        np.array([1, 2]),
+        np.array([2, 1]),
+        10,
+        np.array([1, -1]),
+        np.array([1, 2]),
+        np.array([[2, 1], [0, 1], [3, -2]]),
+        np.array([9, 16]),
+        np.array([6, 8]),
+    )
     return [
         Case((one, 2.0 * one, G, zero, zero, np.zeros((3, 2)), one, one), "held along x", "simple"),
         moving("held on the reference", "simple", **still),

@@ -44,8 +44,16 @@ def cases(rng: np.random.Generator) -> list[Case]:
         args = frames, saves, work, lateness, 0.01, 150.0, drift, ticks
         return Case(args, label, level)
 
-    whole = (np.array([[0, 1, 4], [5, 6, 9], [9, 11, 2]]), np.array([[4, 3]]), 1, np.zeros(9, int),
-             2, 9000, 0.75, np.array([2, 3, 5, 9, 15]))  # fmt: skip
+    whole = (
+        np.array([[0, 1, 4], [5, 6, 9], [9, 11, 2]]),
+        np.array([[4, 3]]),
+        1,
+        np.zeros(9, int),
+        2,
+        9000,
+        0.75,
+        np.array([2, 3, 5, 9, 15]),
+    )
     return [
         day("the bench", "simple"),
         day("the bench, shortly", "simple", n=6),

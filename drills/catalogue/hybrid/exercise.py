@@ -42,13 +42,25 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return Case(args, label, level)
 
     level, tilt = np.eye(3), rng.uniform(0.3, 1.2)
-    ramp = np.array([[math.cos(tilt), 0.0, math.sin(tilt)], [0.0, 1.0, 0.0],
-                     [-math.sin(tilt), 0.0, math.cos(tilt)]])  # fmt: skip
+    ramp = np.array(
+        [
+            [math.cos(tilt), 0.0, math.sin(tilt)],
+            [0.0, 1.0, 0.0],
+            [-math.sin(tilt), 0.0, math.cos(tilt)],
+        ]
+    )
     pressed = task("a level table, as pressed as wanted", "simple", frame=level).args
     pressed[6][:] = pressed[5]
-    whole = (np.array([[1, 0, 2], [0, 1, 1], [3, 1, 0]]), np.eye(3, dtype=int)[[2, 0, 1]],
-             np.array([0, 1, 0]), np.array([1, -2, 3]), np.array([2, 0, 1]), np.array([5, 4, -3]),
-             np.array([7, 6, 2]), np.array([100, 10, 1.25]))  # fmt: skip
+    whole = (
+        np.array([[1, 0, 2], [0, 1, 1], [3, 1, 0]]),
+        np.eye(3, dtype=int)[[2, 0, 1]],
+        np.array([0, 1, 0]),
+        np.array([1, -2, 3]),
+        np.array([2, 0, 1]),
+        np.array([5, 4, -3]),
+        np.array([7, 6, 2]),
+        np.array([100, 10, 1.25]),
+    )
     return [
         task("a level table, the place alone", "simple", frame=level, parts="error velocity"),
         task("a level table, the force alone", "simple", frame=level, parts="wanted"),

@@ -46,8 +46,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
         runs[[3, 5]] += 0.5
         return Case((edges, runs, periods, 0, 2, 0.4), label, "core")
 
-    whole = (np.array([[0, 1], [1, 2], [0, 2]]), np.array([[1, 2], [3, 1], [1, 1]]),
-             np.array([4, 0, 2]), 0, 2, 9.75)  # fmt: skip
+    whole = (
+        np.array([[0, 1], [1, 2], [0, 2]]),
+        np.array([[1, 2], [3, 1], [1, 1]]),
+        np.array([4, 0, 2]),
+        0,
+        2,
+        9.75,
+    )
     return [
         graph("a chain, one run each", "simple", n=3, share=0.0, clocks=0.0, k=1, aside=0),
         graph("a chain", "simple", n=4, share=0.0, clocks=0.0, aside=0),

@@ -67,14 +67,17 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((square, sides, np.zeros((0, 3)), 0, 3), "nothing in the way", "simple"),
         Case((square, sides, post, 0, 3), "the straight edge hits", "simple"),
         Case((square, sides, np.vstack((post, [1.5, 0.6, 0.1])), 0, 3), "two edges hit", "simple"),
-        *(roadmap(f"{discs} discs", discs, radius)
-          for discs, radius in ((4, 1.0), (12, 0.6), (25, 0.4), (60, 0.2))),
+        *(
+            roadmap(f"{discs} discs", discs, radius)
+            for discs, radius in ((4, 1.0), (12, 0.6), (25, 0.4), (60, 0.2))
+        ),
         roadmap("many edges", 25, 0.4, near=10),
         Case((*roadmap("", 25, 0.4).args[:3], 7, 3), "between inner points"),
-        walled(), roadmap("few edges", 12, 0.6, "edge", near=2),
+        walled(),
+        roadmap("few edges", 12, 0.6, "edge", near=2),
         Case((*island[:3], 5, 5), "the goal is the start", "edge"),
         Case((island[0], np.zeros((0, 2), dtype=int), *island[2:]), "no edge", "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:

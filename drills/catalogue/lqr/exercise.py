@@ -61,11 +61,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((one, 1e-2 * one, 1e-4 * one, one), SLOW, "edge"),
         Case((slow * one, one, 1e-9 * one, one), SLOW, "edge"),
         Case((spin, np.eye(2), np.eye(2), 1e-6 * np.eye(2)), "cheap commands", "edge"),
-        Case((blind, np.array([[0.0], [1.0], [0.0]]), np.diag([1.0, 0.0, 0.0]), one),
-             "a state that no command reaches", "edge"),
+        Case(
+            (blind, np.array([[0.0], [1.0], [0.0]]), np.diag([1.0, 0.0, 0.0]), one),
+            "a state that no command reaches",
+            "edge",
+        ),
         Case((0.5 * spin, np.eye(2), np.zeros((2, 2)), np.eye(2)), "nothing to do", "edge"),
         Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:

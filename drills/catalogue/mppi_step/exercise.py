@@ -49,8 +49,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
     flat, noise = np.zeros((3, 1)), np.array([1.0, -1.0])[:, None, None] * np.ones((2, 3, 1))
     far = step(limit=0.8).args
     far[0][1:3] *= 5.0
-    whole = (np.array([[1, 0], [2, -1], [0, 1]]), rng.integers(-4, 5, (5, 3, 2)),
-             np.array([3, 1, 2, 4, 2]), 2, np.array([-3, -2]), np.array([3, 2]))  # fmt: skip
+    whole = (
+        np.array([[1, 0], [2, -1], [0, 1]]),
+        rng.integers(-4, 5, (5, 3, 2)),
+        np.array([3, 1, 2, 4, 2]),
+        2,
+        np.array([-3, -2]),
+        np.array([3, 2]),
+    )
     return [
         Case(
             (flat, noise, np.array([0.0, 1.0]), 1.0, -np.full(1, 5.0), np.full(1, 5.0)),

@@ -50,23 +50,39 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
     J = jacobian(3, 7)
     return [
-        Case((np.array([[1.0, 1.0]]), np.zeros(1), np.array([1.0, 0.0]), np.ones(2)),
-             "two joints that undo each other", "simple"),
+        Case(
+            (np.array([[1.0, 1.0]]), np.zeros(1), np.array([1.0, 0.0]), np.ones(2)),
+            "two joints that undo each other",
+            "simple",
+        ),
         elbow(3, True, "raise the elbow, equal weights", "simple"),
-        Case((jacobian(2, 3), rng.normal(size=2), np.zeros(3), np.ones(3)), "the task alone",
-             "simple"),
+        Case(
+            (jacobian(2, 3), rng.normal(size=2), np.zeros(3), np.ones(3)),
+            "the task alone",
+            "simple",
+        ),
         elbow(3, False, "raise the elbow"),
         elbow(5, False, "raise the elbow of five links"),
         *(drawn(m, n, 0.6) for m, n in ((2, 3), (3, 5), (6, 7), (1, 4))),
         Case((J, np.zeros(3), rng.normal(size=7), rng.uniform(0.2, 5.0, 7)), "the tip stays"),
         Case((J, rng.normal(size=3), np.zeros(7), rng.uniform(0.2, 5.0, 7)), "nothing wished"),
-        Case((J, rng.normal(size=3), J.T @ rng.normal(size=3), np.ones(7)),
-             "a wish that only moves the tip"),
+        Case(
+            (J, rng.normal(size=3), J.T @ rng.normal(size=3), np.ones(7)),
+            "a wish that only moves the tip",
+        ),
         drawn(4, 4, 0.5, "nothing left over", "edge"),
         drawn(3, 6, 2.0, "weights from 0.01 to 100", "edge"),
-        Case((np.array([[1, 1, 0], [0, 1, 2]]), np.array([1, 3]), np.array([2, 0, -1]),
-              np.array([1, 4, 9])), WHOLE, "edge"),
-    ]  # fmt: skip
+        Case(
+            (
+                np.array([[1, 1, 0], [0, 1, 2]]),
+                np.array([1, 3]),
+                np.array([2, 0, -1]),
+                np.array([1, 4, 9]),
+            ),
+            WHOLE,
+            "edge",
+        ),
+    ]
 
 
 def allowed(case: Case, truth: Any) -> float:

@@ -56,7 +56,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         graph("none over budget", 6, 0.6, "edge", 0.0),
         graph("exactly on budget", 5, 0.6, "edge", exact=True),
         graph("start is goal's neighbour", 3, 1.0, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 _OVER = "over = [k for k in path if taken[k] > allowed[k]]"

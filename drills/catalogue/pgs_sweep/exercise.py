@@ -43,16 +43,26 @@ def cases(rng: np.random.Generator) -> list[Case]:
         alone(1.0, 0.2, 0.6, "inside the cone", "simple"),
         Case((np.zeros((1, 3)), np.eye(3), np.array([-2.0, 0.0, 0.0]), 0.5), "no slip", "simple"),
         alone(1.0, 2.0, 0.5, "sliding", "simple"),
-        alone(-1.0, 0.3, 0.5, "coming apart"), alone(-0.3, 0.2, 1.0, "coming apart"),
+        alone(-1.0, 0.3, 0.5, "coming apart"),
+        alone(-0.3, 0.2, 1.0, "coming apart"),
         alone(-0.2, 1.5, 0.8, "sliding, the step below zero"),
         alone(0.4, 3.0, 1.2, "sliding, much friction"),
         *(several(n, mu) for n, mu in ((2, 0.5), (3, 0.8), (5, 0.3), (8, 1.0))),
         Case((np.zeros((4, 3)), delassus(4, 0.0), rng.normal(size=12), 0.7), "not coupled"),
-        alone(1.0, 0.5, 0.0, "no friction", "edge"), alone(-1.0, 0.5, 0.0, "no friction", "edge"),
+        alone(1.0, 0.5, 0.0, "no friction", "edge"),
+        alone(-1.0, 0.5, 0.0, "no friction", "edge"),
         Case((np.zeros((1, 3)), np.diag([1.0, 2.0, 4.0]), np.zeros(3), 0.5), "at rest", "edge"),
-        Case((np.array([[1, 0, 0], [2, 1, 0]]), 2 * np.eye(6, dtype=int) + 1,
-              np.array([-3, 1, 0, 2, -1, 4]), 1), WHOLE, "edge"),
-    ]  # fmt: skip
+        Case(
+            (
+                np.array([[1, 0, 0], [2, 1, 0]]),
+                2 * np.eye(6, dtype=int) + 1,
+                np.array([-3, 1, 0, 2, -1, 4]),
+                1,
+            ),
+            WHOLE,
+            "edge",
+        ),
+    ]
 
 
 CONE = "on_cone, *(mu * on_cone / slip * np.array(tangent))"

@@ -60,8 +60,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
                 return Case((points, triples, TOLERANCE, sure), label, level)
 
     # Five points on the plane 3 x + 4 y = 10, whose unit normal (0.6, 0.8, 0) is no integer.
-    whole = (np.array([[2, -2, 6, 2, -2, 1, 3], [1, 4, -2, 1, 4, 2, 3], [0, 1, 3, 4, 5, 0, 5]]),
-             np.array([[0, 1, 2], [0, 1, 0], [0, 6, 1], [3, 4, 5]]), 1, 0)  # fmt: skip
+    whole = (
+        np.array([[2, -2, 6, 2, -2, 1, 3], [1, 4, -2, 1, 4, 2, 3], [0, 1, 3, 4, 5, 0, 5]]),
+        np.array([[0, 1, 2], [0, 1, 0], [0, 6, 1], [3, 4, 5]]),
+        1,
+        0,
+    )
     return [
         cloud("only a table", level="simple"),
         cloud("a table and strays", 40, 10, level="simple"),

@@ -53,8 +53,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
         mount = np.append(rng.uniform(-0.1, 0.1, 3), mounted)
         return Case((pixels, stamp, CAMERA, mount, log), label, level)
 
-    whole = (np.array([[4, 0], [1, 5], [2, 3]]), 1, np.array([2, 2, 1, 1]), np.array([1, 0, 2, 1]),
-             np.array([[0, 0, 0, 5, 0], [2, 3, 1, 5, 1], [4, 2, 2, 5, 0]]))  # fmt: skip
+    whole = (
+        np.array([[4, 0], [1, 5], [2, 3]]),
+        1,
+        np.array([2, 2, 1, 1]),
+        np.array([1, 0, 2, 1]),
+        np.array([[0, 0, 0, 5, 0], [2, 3, 1, 5, 1], [4, 2, 2, 5, 0]]),
+    )
     return [
         shot("a target on the axis, at rest", "simple", n=1, middle=True, yaw=0.0),
         shot("at rest, nothing turned", "simple", yaw=0.0),

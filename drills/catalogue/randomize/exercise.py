@@ -86,15 +86,17 @@ def _untouched(bench: Bench, drawn: list[Arrays | None], seeds: list[int]) -> No
 
 
 # Level, label, whether it is tried after a failure, and what is done with what was drawn first.
-STAGES: tuple[tuple[str, str, bool, Callable[[Bench, list[Any], list[int]], object]],
-    ...] = (("simple", "a new randomizer", True, _untouched), ("simple", "one draw", True, lambda b,
-    drawn, s: drawn.append(one_draw(b, s[0]))), ("core", "many draws, and back", True, lambda b,
-    drawn, s: repeated(b, drawn[0], s)), ("core", "distributions", False, lambda b, drawn,
-    s: distributions(b, drawn[0], s[2])), ("core", "actions in one array", True, lambda b, drawn,
-    s: reused_actions(b, s[3])), ("core", "noise", True, lambda b, drawn, s: noise_added(b, s[4])),
-    ("edge", "ranges of one value", False, lambda b, drawn, s: equal_ends(b, s[5])), ("edge",
-    "the defaults", False, lambda b, drawn, s: defaults(b, s[5])), ("edge", "what is refused", True,
-    lambda b, drawn, s: refusals(b)))  # fmt: skip
+STAGES: tuple[tuple[str, str, bool, Callable[[Bench, list[Any], list[int]], object]], ...] = (
+    ("simple", "a new randomizer", True, _untouched),
+    ("simple", "one draw", True, lambda b, drawn, s: drawn.append(one_draw(b, s[0]))),
+    ("core", "many draws, and back", True, lambda b, drawn, s: repeated(b, drawn[0], s)),
+    ("core", "distributions", False, lambda b, drawn, s: distributions(b, drawn[0], s[2])),
+    ("core", "actions in one array", True, lambda b, drawn, s: reused_actions(b, s[3])),
+    ("core", "noise", True, lambda b, drawn, s: noise_added(b, s[4])),
+    ("edge", "ranges of one value", False, lambda b, drawn, s: equal_ends(b, s[5])),
+    ("edge", "the defaults", False, lambda b, drawn, s: defaults(b, s[5])),
+    ("edge", "what is refused", True, lambda b, drawn, s: refusals(b)),
+)
 
 
 def _time(bench: Bench) -> None:

@@ -46,8 +46,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
         args = frames, noise, np.column_stack((R, t)), belt, rng.uniform(-0.3, 0.3, 2)
         return Case((*args, 0.05 * np.arange(50)), label, level)
 
-    whole = (np.array([[0, 1, 2, 1], [2, 3, 2, 1], [3, 4, 5, 1]]), 2, np.array([[0, -1, 1],
-             [1, 0, 2]]), np.array([1, 0]), np.array([0, 0]), np.arange(7))  # fmt: skip
+    whole = (
+        np.array([[0, 1, 2, 1], [2, 3, 2, 1], [3, 4, 5, 1]]),
+        2,
+        np.array([[0, -1, 1], [1, 0, 2]]),
+        np.array([1, 0]),
+        np.array([0, 0]),
+        np.arange(7),
+    )
     return [
         scene("a quiet day", "simple"),
         scene("one frame", "simple", n=1),

@@ -56,9 +56,11 @@ def cases(rng: np.random.Generator) -> list[Case]:
     some = pairs("", 9, noise=0.2).args
     stray = np.hstack((some[1], 5.0 * rng.normal(size=(3, 3))))
     lost = np.hstack((some[0], rng.normal(size=(3, 3)))), stray, np.append(some[2], np.zeros(3))
-    whole = (np.array([[0, 3, 0, 1], [0, 0, 4, 1], [0, 0, 0, 5]]),
-             np.array([[1, 1, -3, 0], [2, 5, 2, 4], [3, 3, 4, 8]]), np.array([1, 2, 1, 3])
-             )  # fmt: skip
+    whole = (
+        np.array([[0, 3, 0, 1], [0, 0, 4, 1], [0, 0, 0, 5]]),
+        np.array([[1, 1, -3, 0], [2, 5, 2, 4], [3, 3, 4, 8]]),
+        np.array([1, 2, 1, 3]),
+    )
     return [
         pairs("a shift", 5, turned=False, level="simple"),
         Case((corners, quarter @ corners, np.ones(4)), "a quarter turn", "simple"),

@@ -56,15 +56,17 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((corner, far, one), "one corner, one cut", "simple"),
         Case((corner, far, one[:, ::-1].copy()), "the farther place first", "simple"),
         Case((corner, tip, np.array([[0.1, 0.9]])), "a disc in the way", "simple"),
-        zigzag("no disc", 4, 5, count=0), zigzag("a long zigzag, no disc", 12, 20, count=0),
+        zigzag("no disc", 4, 5, count=0),
+        zigzag("a long zigzag, no disc", 12, 20, count=0),
         *(zigzag("among discs", corners, 30) for corners in (3, 6, 12)),
         *(zigzag("among small discs", corners, 30, 0.1) for corners in (8,)),
         zigzag("draw after draw", 8, 80),
         Case((corner, far, np.array([[0.1, 0.3], [0.6, 0.6]])), "on one edge", "edge"),
         Case((corner, tip, np.array([[0.1, 0.9], [0.48, 0.52]])), "a cut after a hit", "edge"),
-        zigzag("no draw", 5, 0, level="edge"), zigzag("a straight path", 0, 5, level="edge"),
+        zigzag("no draw", 5, 0, level="edge"),
+        zigzag("a straight path", 0, 5, level="edge"),
         Case((np.array([[0, 0], [0, 3], [4, 3]]), far, np.array([[0.25, 0.75]])), WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def _away(p: Array, q: Array, centre: Array) -> float:

@@ -13,9 +13,17 @@ def summary(seconds: np.ndarray) -> report.Summary:
     n = seconds.size
     zero = np.zeros((len(STAGES), 2))
     return report.Summary(
-        n, np.ones(n, dtype=bool), 0.9, 1.0, seconds, 0.001 * seconds, zero, zero[:, 0],
-        (np.zeros(2), 0.0), zero[:, 0],
-    )  # fmt: skip
+        n,
+        np.ones(n, dtype=bool),
+        0.9,
+        1.0,
+        seconds,
+        0.001 * seconds,
+        zero,
+        zero[:, 0],
+        (np.zeros(2), 0.0),
+        zero[:, 0],
+    )
 
 
 def test_the_interval_of_a_change_covers_the_true_change() -> None:

@@ -217,8 +217,12 @@ def test_an_estimate_is_right_within_its_factor_and_has_to_be_a_number(checkpoin
         question.locator("input").fill(text)
         question.get_by_role("button", name="Check").click()
         assert question.locator(".card-answered").count() == 0
-    for share, verdict in ((0.99 * factor, "Right"), (1.01 * factor, "Not right"),
-                           (1.01 / factor, "Right"), (0.99 / factor, "Not right")):  # fmt: skip
+    for share, verdict in (
+        (0.99 * factor, "Right"),
+        (1.01 * factor, "Not right"),
+        (1.01 / factor, "Right"),
+        (0.99 / factor, "Not right"),
+    ):
         question.locator("input").fill(repr(share * value))
         question.get_by_role("button", name="Check").click()
         assert result_at(checkpoint, key).startswith(f"{verdict}: your first answer was")
@@ -233,9 +237,16 @@ def result_at(page: Any, key: str) -> str:
 
 @pytest.mark.parametrize(
     "stored",
-    ["not json", "[]", "3", "null", '{"contact": 3}', '{"contact": {"seed": -1, "answers": [1]}}',
-     '{"contact": {"seed": 1, "answers": {"x": 3}, "passed": "yes"}}'],
-)  # fmt: skip
+    [
+        "not json",
+        "[]",
+        "3",
+        "null",
+        '{"contact": 3}',
+        '{"contact": {"seed": -1, "answers": [1]}}',
+        '{"contact": {"seed": 1, "answers": {"x": 3}, "passed": "yes"}}',
+    ],
+)
 @pytest.mark.prove
 def test_a_damaged_checkpoint_begins_with_the_first_draw(checkpoint: Any, stored: str) -> None:
     checkpoint.evaluate("text => localStorage.setItem('course.checkpoint', text)", stored)
