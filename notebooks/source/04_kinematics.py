@@ -5,9 +5,9 @@
 # moves. Another arm stops in front of its target and never gets there. Both faults come from the way joint angles are
 # computed.*
 #
-# Below, an arm of two links follows a target in small steps, each computed from how the tip moves when a joint turns a
-# little. The question has the arm stretched; the simulation starts bent. Section 1 explains the numbers below the
-# picture.
+# Below, a two-link arm follows a target in small steps, each computed from how the tip moves when a joint turns a
+# little. The question below has the arm stretched; the simulation after it starts bent. Section 1 explains the numbers
+# below the picture.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes. The interview answers in section 9 are not counted.
@@ -32,7 +32,6 @@ simulation("arm")
 #
 # ## How this chapter works
 #
-# On the cards that show a statement you choose between *true*, *false* and *true only if*.
 # Every measured number comes from a cell on this page, from a chart, or from a check that `python -m course.derivations
 # 4` runs again. The code is the package `course.kinematics`. These exercises wait in section 7:
 
@@ -87,10 +86,10 @@ def print_figures(chart, *rows):
 # The motors of an arm know angles. The task is about a place: the cup stands 60 cm in front of the base.
 #
 # An arm is a chain of rigid **links** connected by **joints**. A *revolute* joint (R) turns, a *prismatic* joint
-# slides. The **end effector** is what does the work at the end of the chain: a gripper, a tool. We call the point on
-# it that matters the **tip**. You can describe the arm in two ways. In **joint space** a point is the list $q$ of all
-# joint values. In **task space** a point is what the task specifies: the position of the tip, or its **pose**, which
-# is position and orientation. **Forward kinematics**, FK, maps the first to the second.
+# slides. The **end effector** is what does the work at the end of the chain: a gripper, a tool. We call the point on it
+# that matters the **tip**. In **joint space**, a point is the list $q$ of all joint values. In **task space** a point
+# is what the task specifies: the position of the tip, or its **pose**, which is position and orientation.
+# **Forward kinematics**, FK, maps the first to the second.
 #
 # Attach a coordinate frame to each joint. A **homogeneous transform** is the $4\times4$ matrix that contains the
 # position and the rotation of one frame in another; multiplying two of them chains them. Let $A_i$ be the fixed pose
@@ -147,9 +146,10 @@ show("fk_is_a_product")
 # **Worked example.** Take $l_1 = 1$ m, $l_2 = 0.8$ m, $q_1 = 30°$ and $q_2 = 60°$, the posture in the drawing. The
 # second link points straight up, at $30° + 60° = 90°$. So $x = 0.866 + 0 = 0.866$ m and $y = 0.5 + 0.8 = 1.3$ m.
 #
-# Always ask how an angle is measured. The sensor of an angle is called an **encoder**. If the elbow's motor sits in
-# the base and drives the second link through a belt over equal pulleys, its encoder measures from the $x$ axis (the
-# orange arc). Then write $q_2$ where the formula has $q_1+q_2$.
+# Always ask how an angle is measured. The sensor of an angle is called an **encoder**. Some elbow motors sit in the
+# base and drive the second link through a belt over equal pulleys. If only joint 1 turns, the belt keeps the direction
+# of the second link. So this motor's encoder measures from the $x$ axis (the orange arc). Then write $q_2$ where the
+# formula has $q_1+q_2$.
 #
 # The same product works in space. From here on, our larger example is an arm with seven revolute joints, a **7-R
 # arm**, with the dimensions of the Franka Panda. The course stores a pose as seven numbers, a position and a unit
@@ -259,7 +259,7 @@ plt.show()
 # $$S = \begin{pmatrix} \hat\omega \\ c\times\hat\omega \end{pmatrix}, \qquad
 # [S] = \begin{pmatrix} {[\hat\omega]} & c\times\hat\omega \\ 0 & 0 \end{pmatrix},$$
 #
-# where $[\hat\omega]$ is the matrix of the cross product, $[\hat\omega]\,x = \hat\omega\times x$. (A joint that slides
+# where $[\hat\omega]$ is the matrix of the cross product, $[\hat\omega]\,x = \hat\omega\times x$.  (A joint that slides
 # along $\hat v$ has $S = (0, \hat v)$.)
 
 # %% tags=["hide-code"]
@@ -309,7 +309,7 @@ plt.show()
 #
 # </details>
 #
-# If a transform $T = (R, p)$ displaces an axis, the **adjoint** of $T$ turns the twist about the old axis into the
+# If a transform $T = (R, p)$ displaces an axis, the **adjoint** of $T$ converts the twist about the old axis to the
 # twist about the new one. (The same matrix rewrites a twist in another frame.)
 #
 # $$\mathrm{Ad}_T = \begin{pmatrix} R & 0 \\ [p]\,R & R \end{pmatrix} .$$
@@ -396,8 +396,8 @@ plt.show()
 
 # %% [markdown]
 # Left: the screws of the 7-R arm in the posture `q`, as arrows along $\omega_i$ from a point of each axis. Joint 2
-# turns at 1 rad/s: the grey arrows are the velocities that its twist assigns to points in the plane of the tip, the
-# red arrow is the velocity of the tip (0.3 m for 1 m/s). Right: the product, from the zero posture to `q`.
+# turns at 1 rad/s. The red arrow is the velocity of the tip. The grey ones are the velocities of other points in the
+# same plane perpendicular to axis 2 (0.3 m for 1 m/s). Right: the product, from the zero posture to `q`.
 #
 # ### The Jacobian: how fast does the hand move?
 #
@@ -527,10 +527,10 @@ plt.show()
 # **Worked example.** Target $(0.866, 1.3)$ m: $r^2 = 2.44$, so $\cos q_2 = (2.44 - 1 - 0.64)/1.6 = 0.5$ and $q_2 =
 # \pm60°$. For $q_2 = 60°$, $q_1 = 56.33° - 26.33° = 30°$. For $q_2 = -60°$, $q_1 = 56.33° + 26.33° = 82.66°$.
 #
-# Two bugs are common in this formula. Near the edges of the annulus, arccos costs $q_2$ half of its digits, even if
-# $r$ is exact. And if rounding or a target out of reach pushes its argument beyond 1, people clamp it to $[-1, 1]$
-# and silently return a posture that misses the target. The library uses another formula, shown in section 3, and
-# reports whether the target was reached:
+# Two bugs are common in this formula. At the edges of the annulus the slope of arccos is infinite. So near an edge,
+# rounding its argument costs $q_2$ half of its digits, even if $r$ is exact. And if rounding or a target out of reach
+# pushes its argument beyond 1, people clamp it to $[-1, 1]$ and silently return a posture that misses the target. The
+# library uses another formula, shown in section 3, and reports whether the target was reached:
 
 # %% tags=["hide-code"]
 for name, r in (
@@ -547,9 +547,9 @@ for name, r in (
     )
 
 # %% [markdown]
-# On each edge the two solutions merge into one.  In the simulation, the dashed arms are the exact solutions. In the
-# still the target is out of reach, and both are hidden by the stretched arm. The tip glows red when it is close to
-# the edge. Drag the target inside, and they separate.
+# On each edge the two solutions merge into one. In the simulation below, dashed arms show the exact solutions. The
+# target is out of reach at first: both dashed arms are then stretched, and the arm hides them. Drag the target inside
+# the ring, and they separate. The tip glows red when it is close to the edge.
 
 # %%
 simulation("arm", "Target out of reach")
@@ -667,7 +667,7 @@ more_claims("condition_is_a_product", "condition_needs_a_length")
 # | transpose | $\alpha J^\mathsf{T}e$, with a small number $\alpha$ | $\alpha s$ |
 # | **pseudo-inverse** | $J^+e$, the minimum-norm least-squares solution | $1/s$; 0 where $s=0$ |
 # | **damped least squares** (DLS) | $J^\mathsf{T}(JJ^\mathsf{T}+\lambda^2 I)^{-1}e$ | $s/(s^2+\lambda^2)$ |
-# | adaptive | each direction has its own damping: $\lambda^2-s^2$ instead of $\lambda^2$ where $s<\lambda$, none elsewhere | $s/(s^2+\lambda^2-s^2) = s/\lambda^2$ where $s<\lambda$, else $1/s$; at most $1/\lambda$ |
+# | adaptive | as DLS, but each direction has its own damping: $\lambda^2-s^2$ in place of $\lambda^2$ where $s<\lambda$, none where $s\ge\lambda$ | $s/(s^2+\lambda^2-s^2) = s/\lambda^2$ where $s<\lambda$, else $1/s$; at most $1/\lambda$ |
 # | **Levenberg-Marquardt** (LM) | as DLS; a step that reduces the error is accepted and $\lambda$ shrinks; any other step is undone and $\lambda$ grows | as DLS, with the current $\lambda$ |
 
 # %% tags=["hide-code"]
@@ -703,7 +703,8 @@ show("damped_gain")
 
 # %% [markdown]
 # Here the arm starts almost stretched, with the pseudo-inverse. Press *Play*: the joints jump at once, and *largest
-# gain so far* records the jump. (The still shows the arm after it.)  Then try the damped step and move $\lambda$:
+# gain so far* records the jump. (The picture shows the arm after the jump.) Then try the damped step and move
+# $\lambda$:
 
 # %%
 simulation("arm", "Jump beside the singularity")
@@ -847,9 +848,9 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 # Shoulder, elbow and wrist form a triangle. Its turn about the line from shoulder to wrist is the **swivel angle**,
 # zero with the elbow straight above the line.
 #
-# Along the curve, this triangle turns rigidly only if axes 5, 6 and 7 meet in one point, because then the wrist stays
-# where it is. The Panda's wrist is 88 mm from axis 7 and circles around it. So the line from shoulder to wrist moves,
-# its length changes, and joint 4 turns too.
+# The hand is fixed, so axis 7 is fixed too. A wrist on axis 7 would stay where it is, and the triangle would turn
+# without changing its shape. But the Panda's wrist is 88 mm from axis 7 and circles around it. So the line from
+# shoulder to wrist moves, its length changes, and joint 4 turns too.
 #
 # <details><summary>Derive it: from the angle of joint 7 to eight postures</summary>
 #
@@ -872,12 +873,12 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 # the right, two methods look for one posture within the limits for each of many poses, in one call. The closed form
 # tries some angles of joint 7. The search, Levenberg-Marquardt, tries random starts.
 #
-# Our closed form does not stop at its first success: it computes all its angles for every pose. The search does stop,
-# so more starts cost little. If one pose in a hundred may stay without an answer, our closed form is faster; at one
-# in a thousand both take the same time; below that, the search is faster.
+# Our closed form computes all its angles for every pose. The search stops at its first success, so more starts cost
+# little. If one pose in a hundred may stay without an answer, our closed form is faster; at one in a thousand both take
+# the same time; below that, the search is faster.
 #
-# The closed form has two more advantages. For each angle of joint 7 that you try, it returns all postures or proves
-# that there is none. And its only error is rounding.
+# For each angle of joint 7, the closed form also returns all postures or proves that there is none. And its only error
+# is rounding.
 
 # %%
 figures(read("seven_joint"), summary="Time, answers and errors")
@@ -935,25 +936,26 @@ _ = axes.legend()
 plt.show()
 
 # %% [markdown]
-# Larger arms use recursions that pass along the chain up to three times, outwards from the base or inwards from the
-# tip. $n$ is the number of joints:
+# Larger arms use recursions that pass along the chain up to three times, outwards from the base or inwards from the tip
+# ($n$ joints):
 #
 # | algorithm | computes | idea | cost |
 # |---|---|---|---|
 # | **recursive Newton-Euler** (RNEA) | $\tau$ | velocities and accelerations outwards, forces inwards | $O(n)$ |
 # | **composite rigid body** (CRBA) | $M$ | treat all links beyond a joint, towards the tip, as one rigid body | $O(n^2)$ |
-# | **articulated body** (ABA) | $\ddot q$ | velocities outwards; inwards, the inertia of each link with the joints beyond it free to move, and its force without acceleration; accelerations outwards | $O(n)$ |
+# | **articulated body** (ABA) | $\ddot q$ | velocities outwards; inwards, each link's inertia if the joints beyond it are free to move, and the force that keeps it unaccelerated; accelerations outwards | $O(n)$ |
 #
-# RNEA in words. *Outwards from the base*: a link's angular velocity is that of its parent plus $\dot q_i z_i$. For
-# the angular acceleration $\alpha$, differentiate both factors: add $\ddot q_i z_i + \omega\times\dot q_i z_i$.
-# Relative to its (revolute) joint, a point of the link at $r$ accelerates by $\alpha\times r +
-# \omega\times(\omega\times r)$. Use this for the next joint, and for the acceleration $a_c$ of the centre of mass.
-# The link needs the force $m\,a_c$ and, about its centre of mass, the torque $I\alpha+\omega\times I\omega$.
+# RNEA in words. *Outwards from the base*: a link's angular velocity is that of its parent plus $\dot q_i z_i$. Its
+# angular acceleration $\alpha$ is that of its parent plus the derivative of $\dot q_i z_i$, which is
+# $\ddot q_i z_i + \omega\times\dot q_i z_i$, because the axis $z_i$ turns too. Relative to its (revolute) joint, a
+# point of the link at $r$ accelerates by $\alpha\times r + \omega\times(\omega\times r)$. Use this for the next joint,
+# and for the acceleration $a_c$ of the centre of mass. The link needs the force $m\,a_c$ and, about its centre of mass,
+# the torque $I\alpha+\omega\times I\omega$.
 #
 # *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. The link's own
 # force acts at its centre of mass, the passed-on one at the next joint. Each force $f$, at $r$ from this joint, adds
-# the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest. For gravity, let
-# the base accelerate upwards at $g$.
+# the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest. For gravity, let the
+# base accelerate upwards at $g$.
 #
 # <details><summary>Worked example: both rods held out horizontally</summary>
 #
@@ -1101,10 +1103,10 @@ print("actuator space:", listed(torques), "N m")
 # ### Where to solve inverse kinematics
 #
 # You can solve IK *once*, for the goal, and let a planner find a path in joint space. Or you can solve at every tick
-# for a velocity: $\dot q = J^\mathsf{T}(JJ^\mathsf{T}+\lambda^2I)^{-1}(\dot x + k\,e)$, with the damped inverse
-# instead of $J^+$. That is **resolved rate** control (Whitney 1969, then without damping). Without the term $k\,e$,
-# which feeds back the position error, small errors would add up. Far from singularities the tip then stays close to
-# its target, and a tick costs little. But it doesn't look ahead: it may run into a joint limit or a singularity.
+# for a velocity: $\dot q = J^\mathsf{T}(JJ^\mathsf{T}+\lambda^2I)^{-1}(\dot x + k\,e)$, with the damped inverse instead
+# of $J^+$. That is **resolved rate** control (Whitney 1969; he used no damping). Without the term $k\,e$, which feeds
+# back the position error, small errors would add up. Far from singularities the tip then stays close to its target, and
+# a tick costs little. But it doesn't look ahead: it may run into a joint limit or a singularity.
 #
 # A third approach plans points of the tip and solves IK for each of them. If the joints are interpolated in between,
 # the tip leaves the straight line, and two neighbouring solutions may lie on different branches. If you solve IK all
@@ -1119,23 +1121,24 @@ show("tip_plans_need_joints")
 #
 # ## 3 · Code: the reference functions
 #
-# Here is the closed form of the two-link arm as it is in the library. It returns both branches, with the tangent of
-# half the angle and $r_{\max} = l_1+l_2$, $r_{\min} = \lvert l_1-l_2\rvert$:
+# Here is the closed form of the two-link arm as it is in the library. It returns both branches. It computes $q_2$ from
+# the tangent of $q_2/2$, where $r_{\max} = l_1+l_2$ and $r_{\min} = \lvert l_1-l_2\rvert$:
 #
 # $$\tan^2\frac{q_2}{2} = \frac{(r_{\max}-r)(r_{\max}+r)}{(r-r_{\min})(r+r_{\min})} .$$
 #
-# At the edges of the annulus $q_2$ itself is sensitive: in *any* formula, a rounding error of $10^{-16}$ m in $r$
-# moves it by about $10^{-8}$ rad. This formula adds no second error of that size, because it subtracts $r$ before it
-# multiplies. The arccosine adds one even if $r$ is exact.
+# At the edges of the annulus $q_2$ itself is sensitive: in *any* formula, a rounding error of $10^{-16}$ m in $r$ moves
+# it by about $10^{-8}$ rad. This formula adds no second error of that size: it subtracts $r$ first, and the difference
+# of two close numbers is exact. The arccosine adds one even if $r$ is exact, because it rounds squares before it
+# subtracts them.
 
 # %%
 source(kinematics.two_link.branches)
 
 # %% [markdown]
 # The Jacobian takes one column for each joint between the base and the tip: walk from the tip inwards, from each joint
-# to its parent.  The second function is the gain of the steps that work with
-# singular values. Its caller skips directions with $s$ below $10^{-12}$ of the largest: at a singularity, rounding
-# leaves a tiny $s$ rather than zero, and $1/s$ would be a huge step. The projector follows:
+# to its parent. The second function is the gain of the steps that work with singular values. These steps skip
+# directions with $s$ below $10^{-12}$ of the largest: at a singularity, rounding leaves a tiny $s$ rather than zero,
+# and $1/s$ would be a huge step. The projector follows:
 
 # %%
 source(kinematics.motion.columns, kinematics.inverse.gain)
@@ -1148,10 +1151,9 @@ source(kinematics.null_space)
 # of a damped step per iteration. The library's `ik` takes Levenberg-Marquardt steps and adds three things: it
 # enforces joint limits, it restarts from another posture when it gets stuck, and it says *why* it failed.
 #
-# Only the reason *unreachable* is a proof: the target is farther from the base than the arm can stretch, or nearer
-# than it can fold. (It still uses all starts, to return the nearest posture that it finds.) The other reasons only
-# say what stopped the best start: a joint at its limit (*limit*), a lost rank (*singularity*), steps that gain too
-# little at full rank (*stuck*), or the number of steps (*iterations*).
+# Only the reason *unreachable* is a proof: the target is farther from the base than the arm can stretch, or nearer than
+# it can fold. The other reasons only say what stopped the best start: a joint at its limit (*limit*), a lost rank
+# (*singularity*), steps that gain too little at full rank (*stuck*), or the number of steps (*iterations*).
 
 # %%
 show("listing_reaches_its_target")
@@ -1204,7 +1206,8 @@ for attempt in (
 # what the numbers below the picture will do:
 #
 # 1. *Stretched, target inward*: which of the five step rules moves?
-# 2. *Target out of reach*: what does the smallest value do? What changes with the pseudo-inverse?
+# 2. *Target out of reach*: what does *smallest value*, the smallest singular value, do? What changes with the
+#    pseudo-inverse?
 # 3. *Jump beside the singularity*: with the damped step, how does the largest gain depend on the damping?
 # 4. *The same arm in millimetres*: which numbers change when you choose metres?
 
@@ -1216,9 +1219,9 @@ simulation("arm")
 #
 # ### How many states per second?
 #
-#  **Pinocchio** (Carpentier and others 2019) is a
-# widely used C++ library for the dynamics of arms; **MuJoCo** is the simulator from chapter 1. Their usual functions
-# compute one state per call, and every call from Python costs extra time. This course's compiled loop accepts a whole
+# **Pinocchio** (Carpentier and others 2019) is a widely used C++ library for the dynamics of arms; **MuJoCo** is the
+# simulator from chapter 1. Their usual functions compute one state per call, and every call from Python costs extra
+# time. This course's compiled loop accepts a whole
 # **batch** of states in one call.
 
 # %%
@@ -1236,16 +1239,16 @@ predict("one_call_or_a_batch")
 figures(read("arm_throughput"), summary="Ratios of the times, one state and 10,000, with quartiles")
 
 # %% [markdown]
-# All three agree up to rounding. (For one call per state, $N$ only counts the calls in a timed loop, which share the
-# time of starting it.) With one state per call, the course spends most of its time on checking arguments and creating
-# arrays. A batch shares this fixed cost: to the right of the crossing the course is faster. This is no ranking of
-# libraries, and we did not measure why our Jacobians slow down in large batches.
+# All three agree up to rounding. With one state per call, the course spends most of its time on checking arguments and
+# creating arrays. A batch shares this fixed cost: to the right of the crossing the course is faster. (This is no
+# ranking of libraries.)
 #
 # <details><summary>What the comparison leaves open</summary>
 #
-# MuJoCo's two functions also do work that a bare arm doesn't need, such as looking for contacts, and only the
-# course's loop is compiled for the processor that it runs on. Pinocchio's batch calls close only a part of the gap.
-# We did not measure where the rest comes from.
+# MuJoCo's two functions also do work that a bare arm doesn't need, such as looking for contacts, and only the course's
+# loop is compiled for the processor that it runs on. Pinocchio's batch calls close only a part of the gap. We did not
+# measure where the rest comes from, nor why our Jacobians slow down in large batches. For one call per state, $N$ only
+# counts the calls in a timed loop, which share the time of starting this loop.
 #
 # </details>
 #
@@ -1259,6 +1262,10 @@ figures(read("arm_throughput"), summary="Ratios of the times, one state and 10,0
 predict("step_of_a_difference")
 
 # %% [markdown]
+# A third formula, the **complex step** $\operatorname{Im} f(q + \mathrm{i}h)/h$, contains no subtraction, so $h$ can be
+# tiny (Squire and Trapp 1998). It needs an $f$ made of analytic functions: no absolute value, no `atan2`. *Autograd* is
+# PyTorch's automatic differentiation.
+#
 # ![Error of a Jacobian against the step of the difference, and against its time](../docs/charts/jacobian_precision.png)
 
 # %%
@@ -1275,12 +1282,11 @@ print_figures(
 # The errors are differences from a complex step with $h = 10^{-100}$, which is exact up to rounding. So the complex
 # step is compared with itself, and below $10^{-15}$ the ranking means nothing. Drawn against $h$, the error of a
 # difference is a V: the truncation error of the Taylor series shrinks with $h$, and the rounding error grows with
-# $1/h$. The **complex step** $\operatorname{Im} f(q + \mathrm{i}h)/h$ contains no subtraction, so $h$ can be tiny
-# (Squire and Trapp 1998). It needs an $f$ made of analytic functions: no absolute value, no `atan2`.
+# $1/h$.
 #
 # To *check* a Jacobian, use central differences with $h$ near the cube root of machine precision, about $10^{-5}$, and
-# expect agreement to about ten digits, not sixteen. (The times compare Python loops and PyTorch's *autograd* with a
-# compiled Jacobian.)
+# expect agreement to about ten digits, not sixteen. (The times compare Python loops and autograd with a compiled
+# Jacobian.)
 #
 # ### How many poses does a solver find?
 #
@@ -1335,8 +1341,8 @@ figures(read("ik_success"), summary="Steps, starts, and poses solved per second"
 #
 # ### Which step for which tolerance?
 #
-# Every method runs for one to forty steps on forty poses near a start. Drag the tolerance, or move it with the arrow
-# keys. A circle marks the cheapest run that meets it, in steps on one side, in time on the other.
+# Every method runs for one to forty steps on forty poses, all near the pose of its start. Drag the tolerance, or move
+# it with the arrow keys. A circle marks the cheapest run that meets it, in steps on one side, in time on the other.
 
 # %% tags=["hide-code"]
 from course.measure.work_precision import Method, Result, measure
@@ -1377,9 +1383,8 @@ TradeOff(result)
 
 # %% [markdown]
 # Near the solution, the pseudo-inverse, the adaptive step and Levenberg-Marquardt about double the number of correct
-# digits in each step. In time, Levenberg-Marquardt is ahead only because of our code: for this step it solves a small
-# linear system, for the others it computes singular values. (Points: the least of 15 times; thin lines: up to the
-# upper quartile.)
+# digits in each step. In time, Levenberg-Marquardt is ahead only because our code solves a small linear system for it
+# and computes singular values for the others. (Points: the least of 15 times; thin lines: up to the upper quartile.)
 #
 # The next chart compares an ordinary target with one exactly on the edge of the workspace of two links, where the
 # solution itself is singular:
@@ -1435,7 +1440,7 @@ more_claims("clipped_velocities")
 # A planar arm is cheap to simulate, but real arms are never perfectly planar. Chapter 8's arm moves in a level plane
 # for one second, with both joints turning at the start and constant torques, without feedback. We simulated the same
 # second in three dimensions with MuJoCo: once with the base tilted, so that gravity pulls along the plane, and once
-# with the elbow's axis skewed. The chart shows how far apart the tips end:
+# with the elbow's axis not quite parallel to the shoulder's. The chart shows how far apart the tips end:
 #
 # ![Error of the planar arm against the tilt of its base and of its elbow axis](../docs/charts/two_links_enough.png)
 
@@ -1448,9 +1453,8 @@ figures(
 )
 
 # %% [markdown]
-# The tolerance is a tenth of the target's radius in the reaching task of chapter 8. Each fault was varied alone;
-# their errors can add up. These limits hold without feedback. For a controller that feeds back the joint angles, a
-# small tilt is only a small disturbance torque.
+# The tolerance is a tenth of the target's radius in the reaching task of chapter 8. Each fault was varied alone; their
+# errors can add up. For a controller that feeds back the joint angles, a small tilt is only a small disturbance torque.
 #
 # ### What to pick
 #
@@ -1461,7 +1465,7 @@ figures(
 # * *Seven joints arranged like the Panda's*: the closed form at a few angles of the last joint, or the search of the
 #   next line.
 # * *A single pose without a previous solution*: Levenberg-Marquardt with joint limits and random restarts (in a batch,
-#   first from a table); with a time limit, and a reason when it fails.
+#   with a first start from a table); with a time limit, and a reason when it fails.
 # * *Torques*: RNEA. *Simulation*: ABA, or CRBA and solving with $M$ for a short arm. *Tests*: each against
 #   the others.
 #
@@ -1475,10 +1479,12 @@ figures(
 # v/(2w)$, the dotted line: with this damping or more, no posture violates the limit.
 #
 # What does this damping cost? In the right-hand panel the folded arm is led past the hole around the base, one damped
-# step every 2 mm. (Even undamped, these paths stay below $w$.) Strong damping makes the tip miss its points by up to
-# centimetres. In between, the elbow decides. Undamped, it folds, turns back and opens on its old side. Close enough
-# to the hole, the damped elbow instead passes through the folded posture to the other side. Then joints stay slow and
-# errors small, as on the 0.1 mm path at $\lambda = v/(2w)$:
+# step every 2 mm. (Even undamped, these paths stay below $w$.)
+#
+# With little damping the elbow folds, turns back and opens on its old side. More damping slows it down, and the error
+# grows. With enough damping the elbow passes through the folded posture to the other side instead. The joints then stay
+# slow, and the error falls again; closer to the hole, less damping is enough. Still stronger damping makes the tip miss
+# its points by up to centimetres:
 #
 # ![Joint speed against elbow bend and damping, and the tracking error that damping
 # costs](../docs/charts/damping_map.png)
@@ -1588,11 +1594,11 @@ print_figures("null_space_step", "exact", "damped")
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *IK does not converge.* Test the code first: take a target that must work, forward kinematics of
-# a known posture, and start close by. Count the steps, and compare $J$ with central differences in any case. If the
-# code is right: Is the target reachable, within the reach *and the joint limits*? Does the solver succeed from twenty
-# other starts? Is a joint at its limit where it stops? (If not, $s_{\min}$ does not tell whether the target is
-# reachable.)
+# **Debugging tip.** *IK does not converge.* Test the code first: take a target that must work, forward kinematics of a
+# known posture, and start close by. Count the steps (a wrong $J$ needs many), and compare $J$ with central differences
+# in any case. If the code is right: Is the target reachable, within the reach *and the joint limits*? Does the solver
+# succeed from twenty other starts? Is a joint at its limit where it stops? (If none is, $s_{\min}$ is zero there,
+# whether or not the target is reachable.)
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1636,7 +1642,8 @@ print_figures("null_space_step", "exact", "damped")
 # <tr><td>the robot stops at a limit although IK converged</td> <td>limits not enforced, or off by a full turn</td>
 # <td>`within(chain, q)`</td> <td>limits in every step; restarts</td></tr>
 # <tr><td>the arm sags when it carries a load</td> <td>payload or gravity wrong in the model; no integral
-# action</td> <td>torques at rest in two postures</td> <td>set or identify the payload; add integral action</td></tr>
+# term (a torque that grows while the error stays)</td> <td>torques at rest in two postures</td> <td>set or identify
+# the payload; add an integral term</td></tr>
 # </table>
 
 # %%
@@ -1909,10 +1916,10 @@ your_robot(4)
 # %% [markdown]
 # ## 8 · Frontier: learned inverse kinematics
 #
-# A grasp planner needs *many* postures for one pose of the hand, so that it can pick one that avoids obstacles. And
-# an iterative solver needs fewer steps if it starts close to a solution. Could a network propose the starts? The
-# simplest competitor is a **lookup table**: sample random postures once, store the pose of the tip for each, and
-# start from the nearest stored poses. A k-d tree finds them quickly.
+# A grasp planner needs *many* postures for one pose of the hand, so that it can pick one that avoids obstacles. And an
+# iterative solver needs fewer steps if it starts close to a solution. Could a network propose the starts? The simplest
+# competitor is a **lookup table**: sample random postures once, store the pose of the tip for each, and start from the
+# nearest stored poses.
 
 # %%
 predict("what_a_learned_start_must_beat")

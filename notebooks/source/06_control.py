@@ -175,11 +175,11 @@ plt.show()
 # goes past it, too, but then returns to it slowly. Whether a mass on a spring oscillates depends on its **damping
 # ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$: below 1 it does. The value 1 is called **critical damping**.
 #
-# With an I term, the joint can rest for ever only where the error is zero, unless the command is at its limit or a
-# stop is in the way. But dry friction can keep it away. It has two parts: **Coulomb friction** is a torque of constant
-# size against the motion, and **static friction** holds a joint at rest. The I term grows until the joint breaks
-# loose. If static friction is larger than Coulomb friction, the joint can jump past the set-point and stick on the
-# other side, again and again. This is called **hunting**.
+# With an I term, the joint can rest for ever only where the error is zero, unless the command is at its limit or a stop
+# is in the way. But dry friction can keep it away. It has two parts: **Coulomb friction** is a torque of constant size
+# against the motion, and **static friction** holds a joint at rest. The I term grows until the joint breaks loose. If
+# static friction is larger than Coulomb friction, the joint can jump past the set-point and stick on the other side,
+# again and again. This is called **hunting**.
 
 # %%
 show("integral_removes_the_error")
@@ -456,8 +456,8 @@ more_claims("peak_sensitivity_bounds_margins")
 #
 # Now omit friction, so that all damping comes from $K_d$. Gains without units, $K_p\,dt^2/J$ and $K_d\,dt/J$, make
 # joints and sample times comparable. In the left chart, the gains below a curve are stable. The controller knows the
-# exact rate, or it takes the difference of two angles. In the curves *a sample late*, its whole command also comes a
-# sample later.
+# exact rate, or it takes the difference of two angles. In the curves *a sample late*, the controller's whole command
+# also comes a sample later.
 #
 # With the exact rate, the stable gains form a triangle: below the blue line, and left of $K_d\,dt/J$ = 2. If $K_d$ is
 # too small, the delay of the hold makes the loop unstable, as in the worked example of the matrix. If $K_d$ is too
@@ -473,7 +473,7 @@ for one in stored("pd_triangles")[0].series:
 # %% [markdown]
 # The difference of two angles, divided by $dt$, is the mean rate over the last sample, so it is half a sample late.
 # With a command that is also a sample late, both delays together divide the highest stable $K_p$ by more than twenty.
-# The right chart belongs to section 7. (Triangles at its top mean that no limit was found.)
+# The right chart belongs to section 7; there $k_v$ is $K_d$ of MuJoCo's servo. (Triangles at its top: no limit found.)
 #
 # ### Encoder, friction and torque limit
 #
@@ -533,7 +533,7 @@ plt.show()
 # </details>
 #
 # **Saturation** means that the command is at the torque limit. While it is there, a larger error or a higher gain
-# changes nothing. So no gain replaces torque.
+# changes nothing. So only a stronger motor helps.
 #
 # <details><summary>From where a weak motor can catch a pendulum</summary>
 #
@@ -646,10 +646,14 @@ print(f"three equal poles in the formula: {s:.1f} 1/s; slowest poles of the samp
 print(", ".join(f"{pole:.1f}" for pole in slowest))
 
 # %% [markdown]
-# (In the sampled loop the triple pole splits, because P is half a sample less late than in the formula.)
+# <details><summary>Why the triple pole splits in the sampled loop</summary>
+#
+# There, P is half a sample less late than in the formula.
+#
+# </details>
 #
 # The equal poles settle first, but they need the largest torque (*peak*): a weaker motor settles later. They also need
-# $J$, $b$ and the delay, the table only the experiment. And without an I term, a load leaves an error of
+# $J$, $b$ and the delay; the table needs only the experiment. And without an I term, a load leaves an error of
 # $\tau_L/K_p$.
 #
 # The chart repeats the test over many delays. The three rows of the table overshoot far, or are unstable (triangles at
@@ -721,9 +725,9 @@ show("computed_torque_law")
 # preview** (compared in section 6).
 #
 # The model can also be wrong, for instance because of a payload. **Adaptive control** (Slotine and Li 1987) changes the
-# model's parameters $\hat\theta$, such as masses, during the motion. The model's torque is $Y\hat\theta$. The matrix
-# $Y$ is the **regressor** of chapter 4. It is computed from the measured $q$ and $\dot q$, and from a reference
-# velocity $\dot q_r = \dot q_d + \Lambda e$ and its derivative.
+# model's parameters $\hat\theta$, such as masses, during the motion. The model's torque is
+# $Y\hat\theta = \hat M(q)\,\ddot q_r + \hat C(q,\dot q)\,\dot q_r + \hat g(q)$, with chapter 4's **regressor** $Y$.
+# The reference velocity $\dot q_r = \dot q_d + \Lambda e$ is the planned one plus a correction towards the plan.
 #
 # The sum $s = \dot e + \Lambda e$ (not the pole $s$ of section 1) combines the errors of velocity and angle. The
 # torque is $Y\hat\theta + K s$, and the update is
@@ -738,8 +742,8 @@ show("adaptive_finds_parameters")
 
 # %% [markdown]
 # The estimate reaches the true values only if the motion keeps making every possible error of the parameters visible in
-# the torques. This is called **persistent excitation**. Noise can make the estimate drift, because $Y$ and $s$ contain
-# the same noise. So limit the estimate to plausible values.
+# the torques. This is called **persistent excitation**. Noise can make the estimate drift: $Y$ and $s$ contain the same
+# noise, so their product does not average out. So limit the estimate to plausible values.
 #
 # <details><summary>Derive: the sampled limit, the drift under noise, and four cures</summary>
 #
@@ -793,9 +797,8 @@ predict("wrong_inertia")
 #
 # The right side is the missing torque, divided by $\hat J$. If the motion is slow compared with the loop, the error is
 # about the right side divided by $K_p$, so it has the same shape: for inertia that of the acceleration, for viscous
-# friction that of the velocity. In faster motions the error lags. The picture shows one joint with 20 % more inertia
-# than in the model, or with viscous or Coulomb friction that the model lacks. (The lag opens its lines into narrow
-# loops.)
+# friction that of the velocity. In faster motions the error lags, which opens the lines into narrow loops. The picture
+# shows one joint with 20 % more inertia than in the model, or with viscous or Coulomb friction that the model lacks.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.6), layout="constrained")
@@ -1229,15 +1232,15 @@ show("damping_is_safe")
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the upper right chart, *own friction* means that the controller adds no damping. *Best active damping* allows the
-# most stiffness. (A rate from differences allows less, and so does a real arm, which bends.) Curves above the limit of
-# passivity hold for walls that are pure springs: some other passive wall makes the arm unstable.
+# In the upper right chart, *own friction* means that the controller adds no damping. *Best active damping* is what
+# allows the most stiffness. (A rate from differences allows less, and so does a real arm, which bends.) Curves above
+# the limit of passivity are valid only for walls that are pure springs: some other passive wall makes the arm unstable.
 #
 # The upper left chart also shows MuJoCo. With a spring as the wall (crosses), the limit is right. Its soft contact is
-# set so that a resting hand sinks in as deep as into the wall. A share $d$ of the commanded force appears in the
-# measured force before the hand has moved. With $d$ = 0.9 (green; the default `solimp` rises from there to 0.95), the
-# contact rejects gains that are fine at soft walls, and accepts far too high ones at stiff walls. With $d$ = 0.02
-# (orange), the limit is nearly the wall's.
+# set so that a resting hand sinks in as deep as into this spring. But a share $d$ of a change in the command appears in
+# the measured force before the hand moves. With $d$ = 0.9 (green; by default, `solimp` lets $d$ rise from there to 0.95
+# with the depth), the contact rejects gains that are fine at soft walls, and accepts far too high ones at stiff walls.
+# With $d$ = 0.02 (orange), the limit is nearly the wall's.
 #
 # <details><summary>Why the limit of a soft contact is different</summary>
 #
@@ -1474,8 +1477,8 @@ predict("delay_predicted")
 # motion; all loops except *PD* have a feed-forward of 90 % of the true torque. The right chart shows the error after a
 # load step of 1 N m. Along each curve the poles get faster, up to the last stable ones, and the torque noise grows.
 #
-# The *cascade* is a velocity loop with an I term inside a position loop, so it is a PID controller. The *observer with
-# delay* has the delay in its model. *Half the delay* predicts only 5 of the 10 ms.
+# The *cascade* is a velocity loop with an I term inside a position loop. Multiplied out, it is a PID controller. The
+# *observer with delay* has the delay in its model. *Half the delay* predicts only 5 of the 10 ms.
 #
 # Compare the errors at equal noise. The predictors are no better than PD with the same feed-forward: their model does
 # not know the missing 10 %, or the load step. The cascade has the smallest error (on the right, the observer without
@@ -1603,8 +1606,8 @@ simulation("joint", "Hunting")
 # sample of this motion, so it has one gain matrix per sample. MPC meets no limit, so its errors are LQR's.
 #
 # In the lower chart, only MPPI at 1 kHz computes for longer than the motion lasts (dotted line). Do not rank the others
-# by time: only preview is compiled as a whole. (*Pinocchio* and *MuJoCo* are preview with these libraries, called from
-# Python at every sample.)
+# by time: here, only preview is compiled as a whole. (*Pinocchio* and *MuJoCo* are preview with these libraries, called
+# from Python at every sample.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1998,8 +2001,9 @@ check(mppi_step)
 # %% [markdown]
 # ### Standing on an incline
 #
-# A biped on a slope needs contact forces that carry its weight, within their **friction cones** and the torque limits
-# of its joints. In the plane, a quadratic program finds the cheapest ones.
+# A biped on a slope needs contact forces that carry its weight, within their **friction cones**
+# ($\lvert f_t\rvert \le \mu f_n$) and the torque limits of its joints. In the plane, a quadratic program finds the
+# cheapest ones.
 #
 # <details><summary>Active limits and multipliers</summary>
 #

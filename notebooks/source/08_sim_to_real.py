@@ -64,12 +64,12 @@ simulation("arms")
 # simulated arms varied while the gains were tuned (section 3).
 #
 # Under the arms, *longest stable delay* is a computed limit, with one joint locked. The moving arm begins to oscillate
-# earlier (section 1). *Costliest difference* is the one that would cost the most successes if it were alone, at the
-# present settings.
+# earlier (section 1).
 #
 # <details><summary>The other numbers, and the buttons</summary>
 #
-# Each button is a preset: a prepared setting. *This reach* reports how the reach that you see ended (*late*: the hand
+# Each button is a preset: a prepared setting. *Costliest difference* is the one that would cost the most successes if
+# it were alone, at the present settings. *This reach* reports how the reach that you see ended (*late*: the hand
 # arrived too late). *Delay to spare* is the longest stable delay minus the present one. *Longest stable delay* is
 # computed for each joint with the other joint locked; the smaller value counts. It depends on the gains and on the
 # load. *Gain margin* is the factor by which you can raise all gains before a joint becomes unstable.
@@ -243,13 +243,13 @@ plt.show()
 table(*rows)
 
 # %% [markdown]
-# Load and delay cost success. The other three cost little alone. Gains that were tuned on the arm on which they run
-# (green squares) recover most of what was lost.
+# Load and delay cost most, the motor a little, friction and encoder almost nothing. Gains that were tuned on the arm on
+# which they run (green squares) recover most of what was lost.
 #
 # The next table puts several differences into one arm. Both tables use the gains of one search. Two more searches,
-# started from other random numbers, find other gains. Their success rates (line above the table) differ by more than an
-# interval is wide, because an interval contains only the chance in the trials. The last column counts the searches in
-# which the losses together exceed their sum.
+# started from other random numbers, find other gains. The success rates of the three searches (printed below) differ by
+# more than an interval is wide: an interval covers the luck in the trials, not the luck in a search. The last column
+# counts the searches in which the losses together exceed their sum.
 
 # %% tags=["hide-code"]
 head = ("arm", "differences", "costliest alone", "separate losses, added", "lost together")
@@ -317,9 +317,9 @@ table(*rows)
 # a moment ago. With small gains little happens in that time. With large gains the joint overshoots, the next late
 # correction overshoots further, and the loop oscillates.
 #
-# The **delay margin** is the smallest delay that makes a loop unstable. Chapter 6 derives it:
-# $\tau_\text{max} = \varphi_m/\omega_c$, the phase margin over the crossover frequency. Here higher gains raise
-# $\omega_c$, and $\varphi_m$ doesn't make up for it. So they shorten the delay margin.
+# The **delay margin** is the smallest delay that makes a loop unstable (in the simulation: *longest stable delay*).
+# Chapter 6 derives it: $\tau_\text{max} = \varphi_m/\omega_c$, the phase margin over the crossover frequency. Here
+# higher gains raise $\omega_c$, and $\varphi_m$ doesn't make up for it. So they shorten the delay margin.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.5, 2.2), layout="constrained")
@@ -335,8 +335,7 @@ _ = axis.set_title("the same reach and gains at three delays", fontsize=9)
 plt.show()
 
 # %% [markdown]
-# Without delay the hand overshoots once and settles. At the two delays it swings much farther and doesn't settle within
-# the 0.9 s.
+# Without delay the hand overshoots once and settles. At the two delays it doesn't settle within the 0.9 s.
 
 # %%
 predict("gains_and_a_late_command")
@@ -397,7 +396,8 @@ print(f"gains x 1.6: half of the reaches fail at {limited:.1f} ms;")
 print(f"with motors of a hundred times the torque at {without:.1f} ms")
 
 # %% [markdown]
-# Without this limit, half fail even earlier than the diamonds say: reaches with a straighter arm tolerate less delay.
+# Without the torque limit, half of the reaches fail even before the delay of the diamonds. These hold for an elbow bent
+# by 1.6 rad; a straighter arm tolerates less.
 
 # %%
 show("late_command")
@@ -465,16 +465,15 @@ plt.show()
 # couldn't separate their parameters.
 #
 # The difficulty is $\ddot q$. An encoder measures angles. Differentiating twice multiplies the noise by
-# $\sqrt6/\Delta t^2$, where $\Delta t$ is the time between samples. With samples every 2 ms, 1 mrad of noise becomes
-# accelerations with an error of hundreds of rad/s². Least squares assumes that only $\tau$ is noisy. If $Y$ is noisy
-# too, the estimate is biased: it stays wrong, however long the log is. There are three remedies:
+# $\sqrt6/\Delta t^2$, where $\Delta t$ is the time between samples. With samples every 2 ms, 1 mrad of noise gives the
+# accelerations an error of hundreds of rad/s². Least squares assumes that only $\tau$ is noisy. If $Y$ is noisy too,
+# the estimate is biased: it stays wrong, however long the log is. There are three remedies:
 #
 # 1. Filter the angles before you differentiate them, and filter the torques in the same way (an approximation, because
 #    $Y$ is nonlinear).
 # 2. Use the integral (weak) form. Multiply the equation by a **test function** $\phi$, a smooth bump that is zero
 #    outside a short window, and integrate over the window. Integration by parts turns $\int\phi\,\ddot q\,dt$ into
-#    $\int\ddot\phi\,q\,dt$. So you differentiate the known
-#    bump, and not the noisy angle. (One derivative remains, in the terms of $b$.)
+#    $\int\ddot\phi\,q\,dt$. So you differentiate the known bump, and not the noisy angle.
 # 3. Don't differentiate at all. The next method does this.
 #
 # ### Output error
@@ -582,11 +581,11 @@ print("standard deviation of 60 fits over the bound:")
 print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio, strict=True)))
 
 # %% [markdown]
-# The ratios are near one, so no unbiased method can do noticeably better on this log. (60 fits show a scatter only to
-# about 9 %, so a ratio slightly below one is chance.)
+# The ratios are near one, so no unbiased method can do noticeably better on this log. (60 fits give the scatter itself
+# only to about 9 %, so a ratio slightly below one can be chance.)
 #
-# Two complications are common. Signals of different kinds, such as angles and speeds, need weights: wrong weights
-# increase the scatter of the fits (left panel below).
+# Two complications are common. Signals of different kinds, such as angles and speeds, need weights: one over the
+# variance of each signal's noise. Wrong weights increase the scatter of the fits (left panel below).
 #
 # The other is a controller that runs during the log. Take a joint with the inertia $I$ and a noisy speed sensor. Its
 # acceleration is measured as the difference of two speed readings. A least-squares line of the accelerations over the
@@ -600,8 +599,9 @@ print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio
 # it falls again: least squares divides by the mean square of the torque, and the noise now raises this mean square.
 #
 # Output error stays right if the sensor's noise is the only disturbance. So does the method of *instrumental
-# variables*. Its instrument is the part of the torque that was planned before the run: it moves the joint, but
-# contains no noise of the sensor.
+# variables*. Its instrument is the part of the torque that was planned before the run: it moves the joint, but contains
+# no noise of the sensor. The mean of instrument times acceleration, over that of instrument times torque, estimates
+# $1/I$: in both, the noise averages out.
 #
 # <details><summary>Logs of several signals, and logs under a running controller: a run of each</summary>
 #
@@ -972,7 +972,7 @@ curves(
 #
 # The third row is **the other approach**: find the real arm's parameters and tune on them. We used the exact
 # parameters, so this row shows what perfect identification gives, up to the luck of a search. Up to gap 0.5 range 1
-# succeeds about as often. It needs no log, only a good guess of how wide to be. At large gaps the true parameters are
+# succeeds about as often. Range 1 needs no log, only a good guess of its width. At large gaps the true parameters are
 # far better. But gap 1 is the hardest case for randomisation: every parameter except the delay is at an end of range 1,
 # and hardly any sample falls there.
 #
@@ -1148,18 +1148,20 @@ curves("varying_arms", 1, "median error [mrad] at a load [kg] of", {name: name f
 
 # %% [markdown]
 # Without load, still inside the range of the training, only the teacher works well. The others, except the gains in
-# hindsight, start with too strong a feedback for so light an arm, and it oscillates. On most of these arms the
-# adaptive law doesn't recover: the torques act late, so the oscillation drives the estimated inertia *up*.
+# hindsight, start with too strong a feedback for so light an arm, and it oscillates. On most of these arms the adaptive
+# law doesn't recover. It corrects the inertia by the product of the tracking error and the commanded acceleration. Both
+# contain the error's rate, so in an oscillation this product is positive on average: the estimated inertia goes *up*,
+# and the feedback with it.
 #
 # A heavy arm gets too weak a feedback instead. With the adaptive law it stays stable until the estimate is corrected,
-# even far beyond the training. Gains that never change, and the student, work a little beyond the training, then fail.
-# At 1.5 kg and above, the best gains in hindsight beat the teacher: they are picked for each arm, the teacher's one
-# set serves all.
+# even far beyond the training. The randomised gains fail right beyond the training, the one tuned gain set and the
+# student a little later.
 #
 # <details><summary>The four panels, and the original RMA</summary>
 #
 # In the original RMA (Kumar and others, 2021) the student estimates a learned code of the parameters, not the
-# parameters themselves.
+# parameters themselves. In the table, the best gains in hindsight beat the teacher at 1.5 kg and above: they are picked
+# for each arm, the teacher's one set serves all.
 #
 # The first panel adds the computing time: the student needs more, for its network. The ends of a bar are the errors
 # that 10 % and 90 % of the arms stay below. The third panel shows that a student with a shorter history is worse.
@@ -1203,9 +1205,9 @@ table(*rows)
 # The left panel shows all 32 combinations of corrections. Each rate is the mean of two searches, and another search
 # would change it (section 1). So read only the large steps.
 #
-# The first correction, of the delay, makes the robot *worse*. Gains that were tuned without load and without delay are
-# high (above the table). The real arm is heavy and needs high gains. It also tolerates them in spite of the delay,
-# because its inertia slows down the loop.
+# The first correction, of the delay, makes the robot *worse*. Gains tuned with nothing corrected are much higher than
+# those tuned with the right delay alone (lines above the table; *load* there is the load alone). The real arm is heavy
+# and needs high gains. It also tolerates them in spite of the delay, because its inertia slows down the loop.
 #
 # With the delay corrected, but not the load, the search lowers the gains, as it should for a *light* arm with delay.
 # For the heavy arm they are too low, in stiffness $k_p$ and in damping $k_d$: more often the hand swings out of the
@@ -1243,15 +1245,15 @@ table(*rows)
 # <details><summary>How much of this is chance?</summary>
 #
 # If corrections did nothing, chance alone would lower the rate in about half of the 80 cases. And another search
-# changes rates by more than the interval of the trials. But the large falls all have the same form: the
-# delay is corrected before the load.
+# changes rates by more than the interval of the trials. But the large falls all have the same form: the delay is
+# corrected before the load. In the table above, friction helps as the first correction and not as the last, the motor
+# the other way round.
 #
 # </details>
 #
-# What a parameter is worth depends on what was corrected before: compare the first column with the last.
-# The average over all orders is called **Shapley's value**; the five averages add up to the gain of correcting all. The
-# load is dominant in every column. The others have no fixed order: friction helps as the first correction and not as
-# the last, the motor the other way round.
+# What a parameter is worth depends on what was corrected before: compare the first column with the last. The average
+# over all orders is called **Shapley's value**; the five averages add up to the gain of correcting all. The load is
+# dominant in every column. The others have no fixed order.
 #
 # The practical rule: *correct together everything that your logs reveal, and treat it as one change.* The measured
 # values stay in the simulator, even if the success falls. Then look for the error that they had cancelled.
@@ -1461,19 +1463,19 @@ show("two_routes")
 # A difference of potentials preserves the best policy. But it can speed up or slow down *learning* a great deal.
 # **Tabular Q-learning** stores one estimate of $Q$ for each state and action and corrects it after every step.
 #
-# The chart below compares seven potentials in a grid of ten by ten cells. The goal pays 1 and all other steps 0, with
-# $\gamma$ = 0.95. All estimates of $Q$ start at 0. The bars count the steps until the learned path is a shortest
-# one (18 steps).
+# The chart below compares seven potentials in a grid of ten by ten cells. The goal in the lower right corner pays 1 and
+# all other steps 0, with $\gamma$ = 0.95. All estimates of $Q$ start at 0. The bars count the steps until the learned
+# path is a shortest one (18 steps).
 #
 # Minus the distance is the slowest. By far the fastest are the potentials that rise towards the goal and lie between 0
-# and the true value $V$: they lead the learner almost straight to the goal. (Their bars are equal because the path is
-# tested only every 20 steps.)
+# and the true value $V$: they lead the learner almost straight to the goal.
 #
 # <details><summary>Which potentials help, and why minus the distance starts too low</summary>
 #
-# For Q-learning, shaping with $\Phi$ has the same effect as starting with $Q = \Phi$, if its exploration depends only
-# on differences of $Q$ (Wiewiora 2003). What helps is the *shape* of the true value: a potential that rises towards the
-# goal as the value does leads almost straight there, even scaled down to a hundredth.
+# The bars of the fastest are equal because the path is tested only every 20 steps. For Q-learning, shaping with $\Phi$
+# has the same effect as starting with $Q = \Phi$, if its exploration depends only on differences of $Q$ (Wiewiora
+# 2003). What helps is the *shape* of the true value: a potential that rises towards the goal as the value does leads
+# almost straight there, even scaled down to a hundredth.
 #
 # A potential above the true values is optimistic: everything has to be tried before its estimate falls. Minus the
 # distance starts every value too low. The first action that is tried then rises, the untried ones stay low, and the
@@ -1482,8 +1484,7 @@ show("two_routes")
 #
 # </details>
 #
-# Lying between 0 and $V$ isn't enough. A potential that falls on the way to the goal (lower right corner) makes
-# learning slower:
+# Lying between 0 and $V$ isn't enough. A potential that falls on the way to the goal makes learning slower:
 
 # %% tags=["hide-code"]
 world = grid(10)
@@ -1679,8 +1680,9 @@ plt.show()
 #
 # </details>
 #
-# The hand had to execute the moves that a solver prescribed for a well-mixed cube (*a scramble*), or at least half of
-# them. The result rests on few trials: ten with sensors inside the cube for its faces, ten with cameras alone.
+# A solver prescribed the moves that undo a *scramble*, the turns that mixed the cube. The hand had to execute all of
+# them, or at least half. The result rests on few trials: ten with sensors inside the cube for its faces, ten with
+# cameras alone.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(5, 1.7), layout="constrained")
@@ -1709,9 +1711,9 @@ plt.show()
 # ![Error of predicted motions against the length of the log](../docs/charts/learned_model.png)
 #
 # With 1 or 3 s of log the learned model runs away (the triangles at the upper edge). With 10 s or more it beats the
-# equations without friction and delay. But with 3 s or more, the equations with friction and delay are clearly better
-# than the others with any log here. (Each point averages only two logs, and a better learned model may do better.) A
-# common third approach keeps the equations and learns only what they miss.
+# equations without friction and delay. But fitted to 3 s or more, the equations with friction and delay are clearly
+# better than either of the other two models, even with its best log. (Each point averages only two logs; a better
+# learned model may do better.) A common third approach keeps the equations and learns only what they miss.
 #
 # ### A learned actuator
 #
@@ -1757,9 +1759,9 @@ plt.show()
 # $$|V_\pi - V'_\pi| \le \frac{\gamma\,\epsilon\,R}{(1-\gamma)^2} .$$
 #
 # Why is the denominator squared? With probability $\epsilon$ the next state is a wrong one. This costs at most
-# $R/(1-\gamma)$, the largest possible value. And it can happen again at every step, which brings the second factor
-# $1/(1-\gamma)$. The process in the drawing below comes close to this bound if $\epsilon$ is much smaller than
-# $1-\gamma$ (chart).
+# $\gamma R/(1-\gamma)$: the largest possible value, one step later. And it can happen again at every step, which brings
+# the second factor $1/(1-\gamma)$. The process in the drawing below comes close to this bound if $\epsilon$ is much
+# smaller than $1-\gamma$ (chart).
 #
 # <details><summary>How to derive it, and a chain that comes close to it</summary>
 #
@@ -1825,7 +1827,7 @@ plt.show()
 # waiting = deque([rest] * k, maxlen=k)                            # a delay of k steps
 # ```
 #
-# Each line runs, and each has a trap.
+# Each line by itself runs, and each has a trap.
 #
 # - *Line 1, masses:* MuJoCo stores a body's mass and inertia separately, so scale `body_inertia` by the same factor.
 #   And `*=` starts from the mass of the last episode: the factors of all episodes pile up. Multiply the default
@@ -1868,12 +1870,11 @@ show("queue_of_k")
 # class that steps many copies of a task and resets those whose episode has ended (exercise `vector_env`).
 #
 # In the first panel below, computing all copies in one array (*ArmReachVector*; with MuJoCo *mujoco.batch*) is faster
-# than a loop over the copies (*SyncVectorEnv*), even on one thread. In the second panel Runge-Kutta meets
-# the tolerance with one substep, Euler needs many.
+# than a loop over the copies (*SyncVectorEnv*), even on one thread. (*Closed form*: our own equations of motion, not
+# MuJoCo's.) In the second panel Runge-Kutta meets the tolerance with one substep, Euler needs many.
 #
 # In the third panel two processes (*ProcessVectorEnv*) lose against a loop (*VectorizedEnv*) where one step is cheap,
-# because waking them takes time. Right of the dotted line they win a little, except at the last point. That is far
-# from a factor of two; we did not measure why.
+# because waking them takes time. Right of the dotted line they win a little, except at the last point.
 #
 # <details><summary>The traps of a vectorised environment are at the ends of episodes</summary>
 #
@@ -1884,13 +1885,12 @@ show("queue_of_k")
 #
 # ![Steps per second by number of environments, accuracy, and when processes pay](../docs/charts/vector_env.png)
 #
-# <details><summary>How to read the chart</summary>
-# The first panel counts environment steps per second. *MujocoArmReachVector* uses two threads, all loops use one, and
-# *mujoco.batch on one thread* is drawn for a fair comparison with them. Processes pay if processors are free and one
-# step is expensive, or if each process steps many environments. The dotted line in the third panel marks where the
-# measured curves cross. To its right two processes could save up to half of the time. Here they save less, perhaps
-# because other programs used the second core during the measurement. *AsyncVectorEnv*, with a process for each
-# environment, never beat the loop here.
+# <details><summary>How to read the chart</summary> The first panel counts environment steps per second.
+# *MujocoArmReachVector* uses two threads, all loops use one, and *mujoco.batch on one thread* is drawn for a fair
+# comparison with them. Processes pay if processors are free and one step is expensive, or if each process steps many
+# environments. The dotted line in the third panel marks where the measured curves cross. To its right two processes
+# could save up to half of the time. Here they save less, perhaps because other programs used the second core during the
+# measurement; we did not measure why. *AsyncVectorEnv*, with a process for each environment, never beat the loop here.
 #
 # </details>
 
@@ -1956,7 +1956,7 @@ simulation("arms", "Cancelling errors")
 # ## 6 · Speed and accuracy of identification
 #
 # Here the methods of section 2 and MuJoCo's own tool, `mujoco.sysid`, estimate the same five parameters from the same
-# logs. Suppose that you need an error below 1 % (dotted line).
+# logs. *Differentiated* is the plain regression. Suppose that you need an error below 1 % (dotted line).
 #
 # ![Error of the parameters against noise, and against time, by method](../docs/charts/what_finds_the_numbers.png)
 #
@@ -2110,8 +2110,8 @@ table(*rows)
 #
 # The charts below vary each fault beyond its limit. The first one divides the force by the force that the box needs:
 # below 1 the box slips. A force that is far too *large* makes the closing fingers knock the box out. (Lost boxes are
-# drawn at 200 mm.) With default contacts some lifts fail even below the servo's limit of the time step: in one long
-# step a finger sinks millimetres into the box (last panel), and it may push the box out.
+# drawn at 200 mm.) The servo also has a longest time step (third panel), but with default contacts some lifts fail at
+# shorter ones. Perhaps a closing finger sinks so deep in one long step (last panel) that it pushes the box out.
 #
 # ![Grip, camera and step, swept to both sides of their limits](../docs/charts/break_it.png)
 #
@@ -2122,8 +2122,9 @@ table(*rows)
 #
 # The panel about the time step marks two limits: of the stiff contact, and of the servo, which is a sampled control
 # loop. Some lifts with default contacts fail below the limit of the servo; the other limit doesn't concern them. The
-# last panel suggests why: in one long step a closing finger sinks deep into the box, and may push it out. How deep
-# depends on how far the finger is from the box when the step begins, so a slightly longer step can lose fewer boxes.
+# last panel suggests why: at its longest step a closing finger sinks much deeper into the box than at shorter ones, and
+# may push it out. How deep depends on how far the finger is from the box when the step begins, so a slightly longer
+# step can lose fewer boxes.
 #
 # </details>
 
@@ -2146,9 +2147,9 @@ by a factor of {1 + omega_dt**2:.0f} with explicit Euler, and of {radius**2:.0f}
 more_claims("large_step_at_contact", "camera_off")
 
 # %% [markdown]
-# Do the losses of several faults add up? Each switch gives the two-link arm a fault, and each dot is a combination of
-# switches. The target is larger than in section 1. On the dashed line a combination costs the sum of its separate
-# losses. (*Control step*: the time between two commands.)
+# Do the losses of several faults add up? Here the two-link arm runs again, with a larger target than in section 1. Each
+# switch gives it a fault, and each dot is a combination of switches. On the dashed line a combination costs the sum of
+# its separate losses. (*Control step*: the time between two commands.)
 
 # %%
 simulation("faults")
@@ -2156,7 +2157,7 @@ simulation("faults")
 # %% [markdown]
 # Mostly they nearly add up, or a little less is lost. The exception is the long control step with the camera's error
 # (the dots far above the line). The camera's error uses up the tolerance, and then the oscillation of the long step
-# leaves the target. Friction damps this oscillation, so combinations with friction lose less.
+# leaves the target.
 #
 # <details><summary>Which pairs interact, and what exactly the switches change</summary>
 #
@@ -2240,9 +2241,8 @@ plt.show()
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *It is robust in simulation and brittle on the robot.* Identify the robot once. Do its parameters
-# lie inside the ranges? Then look for another cause before you widen them. (In section 3 the arm at gap 0.3 and 10 ms
-# is inside range 0.4. Wider ranges help it only a little.)
+# **Debugging tip.** *It is robust in simulation and brittle on the robot.* Identify the robot once. If its parameters
+# lie inside the ranges, look for another cause before you widen them.
 #
 # <details><summary>The four possibilities, and what people get wrong here</summary>
 #
@@ -2250,8 +2250,9 @@ plt.show()
 # other parameters won't produce backlash. The ranges are so wide that the policy does nothing well. Or the sampled
 # parameters never reached the simulation: log them.
 #
-# They widen the ranges. In the chart of section 3 range 1 brings little more than range 0.4 where the gap is large: a
-# load needs other gains, not more cautious ones.
+# They widen the ranges. In section 3 the arm at gap 0.3 and 10 ms is inside range 0.4, and wider ranges help it only a
+# little. In the chart there, range 1 brings little more than range 0.4 where the gap is large: a load needs other
+# gains, not more cautious ones.
 #
 # </details>
 #

@@ -21,9 +21,9 @@ simulation("middleware")
 # %% [markdown]
 # In the picture, boxes are nodes, the parts of the robot's software, and lines are connections. A yellow line carries a
 # stream of messages; the thicker it is, the more messages per second. A blue line is a request with a reply. A red line
-# connects nothing, because its two ends disagree. The selected node is orange; the list at the right shows what it
-# receives (left arrow) and sends (right arrow). The red frame marks the node that must never be late. The numbers have
-# tooltips.
+# (none at the start) connects nothing, because its two ends disagree. The selected node is orange; the list at the
+# right shows what it receives (left arrow) and sends (right arrow). The red frame marks the node that must never be
+# late. The numbers have tooltips.
 #
 # **You will be able to** decide whether a publisher and a subscriber are compatible; predict how old a message is and
 # how late a control loop runs; find out why messages are late or why a control loop runs at uneven intervals; and
@@ -94,7 +94,7 @@ def timeline(axis, rows, unit="ms"):
 #
 # A **node** is a software component with a name. It publishes messages, subscribes to messages of other nodes and
 # answers requests. A named stream of messages is a **topic**. The publisher's end of a topic is called a **writer** in
-# DDS, and the subscriber's end a **reader**.  **Discovery** is how writers and readers of the same topic find each
+# DDS, and the subscriber's end a **reader**. **Discovery** is how writers and readers of the same topic find each
 # other: each announces itself on the network.
 #
 # A **callback** is a function of yours that runs at an **event**, such as the arrival of a message or the end of a
@@ -350,9 +350,9 @@ table(*rows)
 
 # %% [markdown]
 # We also ran a longer list of tests, both on the bus and on Cyclone: pairs of values of each policy, queue depths, late
-# subscribers and events. Each test is a row. The first line below counts the rows in which both agree. In lines 2 and
-# 3, five pauses of 0.12 s separated the messages. With a deadline of 0.05 s, two deadlines pass in each pause, so ten
-# events are raised at each end. The fold-out lists every row, also of policies that only DDS has.
+# subscribers and events. Each test is a row of the table in the fold-out. The first line below counts the rows in which
+# both agree. For lines 2 and 3 the writer paused five times for 0.12 s. With a deadline of 0.05 s, two deadlines pass
+# in each pause, so ten events are raised at each end. The fold-out also lists policies that only DDS has.
 
 # %% tags=["hide-code"]
 figures(read("qos_verdicts"), "93", "deadline mis")
@@ -403,14 +403,15 @@ plt.show()
 # %% [markdown]
 # **A worked example.** A camera writes every 33.3 ms, and the reader's depth is 10. The images that a slow reader takes
 # are at least $9 \cdot 33.3 = 300$ ms old. With depth 1 it always takes the newest image. The chart compares this
-# computed least age with measurements on the bus and on Cyclone DDS. There the reader takes one message for every three
-# that are written. Green diamonds: a reader that empties its queue each time and uses only the newest message.
+# computed least age with measurements on the bus and on Cyclone DDS. In the chart, the reader takes one message for
+# every three that are written. Green diamonds: a reader that empties its queue each time and uses only the newest
+# message.
 #
 # ![Least age of what a slow reader takes against the depth: bus, Cyclone DDS, theory](../docs/charts/queue_ages.png)
 #
 # What does a reader find when it looks into its queue for the first time? In the table a writer publishes ten messages,
-# numbered 0 to 9, one every 0.1 s, and the reader looks one second after the start. Each row has other policies. A late
-# reader joins after all ten messages have been written.
+# numbered 0 to 9, one every 0.1 s, and the reader looks one second after the start. Each row has different policies. A
+# late reader joins after all ten messages have been written.
 
 # %% tags=["hide-code"]
 
@@ -600,13 +601,13 @@ plt.show()
 #
 # Tasks are numbered by priority, the most urgent first. In words: the task's own work, plus the blocking $B_i$, plus
 # all runs of the more urgent tasks $j$ that are released within $R_i$. The **blocking** is the longest time for which
-# less urgent tasks can hold this one up, for instance with a lock (next section). The brackets $\lceil\;\rceil$ round
-# up.
+# less urgent tasks can hold this one up, for instance with a lock (next section). So the formula also covers tasks that
+# wait for others. The brackets $\lceil\;\rceil$ round up.
 #
 # $R_i$ stands on both sides, so we start with $R_i = C_i$, insert it on the right, and repeat until nothing changes. If
-# the result is at most $T_i$, no run of the task takes longer. If it exceeds $T_i$, the task can miss its deadline (if
-# a blocking of $B_i$ can really occur). Later runs can then take even longer than $R_i$, because they wait for the run
-# before.
+# the result is at most $T_i$, no run of the task takes longer. If it exceeds $T_i$, the task can miss its deadline,
+# unless $B_i$ is an estimate that never really occurs. Later runs can then take even longer than $R_i$, because they
+# wait for the run before.
 #
 # **A worked example**, for the filter: $C = 2$ ms, and the controller takes 0.25 ms of each 1 ms. Start with 2 ms. In
 # this time the controller is released twice, which makes $2 + 2 \cdot 0.25 = 2.5$ ms. In 2.5 ms there are three
@@ -721,9 +722,9 @@ for protocol in ("none", "inheritance", "ceiling"):
 table(*rows)
 
 # %% [markdown]
-# The low task still computes for 20 ms under the lock when the most urgent one arrives, so 20 ms of waiting are
-# unavoidable. The rest is the middle task's work. The chart shows the same effect with three real Linux processes on
-# one core ("this system"; the ceiling is only simulated).
+# When the most urgent task arrives, the low task still needs 20 ms under the lock, so 20 ms of waiting are unavoidable.
+# The rest is the middle task's work. The chart shows the same effect with three real Linux processes on one core ("this
+# system"; the ceiling is only simulated).
 #
 # ![Waits for a lock against the middle task's time, three protocols](../docs/charts/lock_waits.png)
 
@@ -746,11 +747,15 @@ triple = header[header.index("template <typename T>") : end]
 Markdown(f"```cpp\n{triple.rstrip()}\n```")
 
 # %% [markdown]
-# The swap makes everything that was written before it visible to the thread that swaps next (C++ calls this *release*
-# and *acquire*). Without this order, the index could become visible before the contents. A **data race** means that two
-# threads access a variable that is not atomic, at least one of them writes, and nothing orders the accesses. Our tests
-# run both threads under a **sanitizer**, a compiler option that adds checks to the running program, here for data
-# races. It finds none. It finds one if the swap is unordered (*relaxed*), or if there are only two slots.
+# The swap makes everything that a thread did before it visible to the thread that swaps next (C++ calls this *release*
+# and *acquire*). So the reader never sees the index before the contents. And a slot that comes back to the writer is
+# one that the reader has finished copying. (`alignas(64)`: memory moves between cores in blocks of 64 bytes,
+# **cache lines**. In a shared line, each write would slow down the other thread.)
+#
+# A **data race** means that two threads access a variable that is not atomic, at least one of them writes, and nothing
+# orders the accesses. Our tests run both threads under a **sanitizer**, a compiler option that adds checks to the
+# running program, here for data races. It finds none. It finds one if the swap is unordered (*relaxed*), or if there
+# are only two slots.
 #
 # <details><summary>Why a plain seqlock is a data race</summary>
 #
@@ -782,7 +787,8 @@ figures(read("handover_waits"), "loaded, triple", "loaded, mutex", "loaded, std"
 # In the second panel, the writer can be interrupted while it holds `std::mutex`. Then the urgent reader waits until the
 # scheduler lets the writer run again, for many periods. In the third panel, with less load, this is rarer. Inheritance
 # ends most of this wait. The triple buffer has no lock to wait for, so its calls are about as long as those of a plain
-# copy. (The slowest of 11,000 calls is not a bound.)
+# copy. (The slowest of 11,000 calls is not a bound.) In the last panel the method makes no difference: the writer's
+# slowest calls are probably those that the scheduler interrupts.
 
 # %% [markdown]
 # ### Executors: who waits for a thread
@@ -851,13 +857,14 @@ table(*rows)
 # %% [markdown]
 # ![Longest wait of a control callback behind a camera's, in three orders](../docs/charts/executor_waits.png)
 #
-# *The three orders need the same time. The upper line is their bound; "fifo" means first in, first out.*
+# *The three orders need the same time. The upper line is their bound, the lower one that of control in a thread of its
+# own; "fifo" means first in, first out.*
 #
 # With one camera, the order of the callbacks does not change the bound, which is the sum of both callbacks. With two
 # cameras the order matters. If control becomes due just after the thread has made its list, and both cameras are in the
-# list, control waits for both: 25 + 25 + 1 = 51 ms. This is longer than control's period. So the bound allows for one
-# more case: the list also holds control's previous run, which is late itself and takes another 1 ms. Together that is
-# 52 ms.
+# list, control waits for both: 25 + 25 + 1 = 51 ms. This is longer than control's period of 50 ms, so control's
+# previous run may still be waiting when the next one is due. Then that run is in the list as well and takes another 1
+# ms: together 52 ms.
 #
 # A bound is never exceeded, but it need not be reached. If due timers run first, control waits only for the camera
 # callback that is already running.
@@ -991,10 +998,10 @@ plt.show()
 # the controller interpolates</td></tr> <tr><td>controller → drives</td> <td>no middleware: the same thread</td> <td>a
 # late torque means that the old one acts on; several in a row can make the arm shake</td></tr> <tr><td>joint states →
 # perception, planner, safety monitor</td> <td>best effort, depth 1, each with its time stamp</td> <td>perception
-# computes the camera's pose from them, the planner starts at them, and the monitor checks them; the next one comes
-# within milliseconds</td></tr> <tr><td>safety monitor → controller, screen</td> <td>reliable, transient local, depth 1,
-# manual by topic with a lease</td> <td>a late subscriber needs the current status; if the monitor's own loop gives no
-# sign of life, the controller must stop the arm</td></tr> </table>
+# computes the camera's pose from them, plans start from them, and the monitor checks them; the next one comes within
+# milliseconds</td></tr> <tr><td>safety monitor → controller, screen</td> <td>reliable, transient local, depth 1, manual
+# by topic with a lease</td> <td>a late subscriber needs the current status; if the monitor's own loop gives no sign of
+# life, the controller must stop the arm</td></tr> </table>
 #
 # How old is the image behind a command at the **drives**, the electronics that move the motors? Chapter 0 added up the
 # execution times and the waits between stages. The chart does the same for four variants of this stack. Blue is
@@ -1057,7 +1064,8 @@ table(*lines)
 # and the planner 40 ms.
 #
 # Row 2 is 60 ms better on average. The faster planner saves 10 ms. Starting it when a scene arrives saves the other 50
-# ms: no scene waits, and plans come three times as often. It has to finish before the next image, so it takes 30 ms.
+# ms: no scene waits, and plans come three times as often. Such a planner must end before the next scene, 33 ms later,
+# so row 2 assumes 30 ms.
 #
 # An image of $w \times h$ pixels with $c$ bytes per pixel, sent $f$ times a second, needs $w\,h\,c\,f$ bytes per
 # second. A colour pixel takes three bytes, a depth pixel two. A packet on Ethernet has room for 1,472 bytes beside its
@@ -1158,8 +1166,8 @@ table(
 # The file in the fold-out sets policies in this way. Instead of the node `controller`, it uses **ros2_control**, ROS
 # 2's framework for controllers. The framework's own process runs our controller as a plug-in. A second program, the
 # **spawner**, loads the plug-in and passes its parameters to it. So the spawner's rows in the table are the
-# controller's policies. The table lists what differs from the defaults. (Joint states are not in the file: there, each
-# reader's source requests the policies.)
+# controller's policies. The table lists what differs from the defaults. (The policies of the joint states are not in
+# the file: each reader sets them in its own source code.)
 
 # %% tags=["hide-code"]
 Markdown(
@@ -1200,11 +1208,10 @@ print("with the monitor's publisher left at default:", launch.silent(launch.node
 # %% [markdown]
 # What was decided, and what it costs:
 #
-# * *Processes.* The file starts a process for each node. If perception crashes, the controller goes on running.
-#   (Somebody has to program what the arm does without a new plan.) The price is that every image is turned into bytes
-#   (**serialisation**) and copied several times on its way. If that takes too long, put camera and perception into one
-#   process.
-# * *The controller.* The framework has parameters for rate and thread priority (`update_rate`, `thread_priority`;
+# * *Processes.* The file starts a process for each node. If perception crashes, the controller goes on running. The
+#   price is that every image is turned into bytes (**serialisation**) and copied several times on its way. If that
+#   takes too long, put camera and perception into one process.
+# * *The controller.* The framework's parameters set its rate and its thread priority (`update_rate`, `thread_priority`;
 #   manual, Jazzy 2024).
 #
 # <details><summary>Three more traps</summary>
@@ -1400,7 +1407,8 @@ simulation("middleware", "Deep queue")
 # %% [markdown]
 # ### What to break
 #
-# Each preset breaks one thing. The last column says what theory predicts before the run:
+# Each preset breaks one thing. The last column says what theory predicts before the run. (A *round* sends all fragments
+# that are still missing; section 7 computes their mean number.)
 
 # %% tags=["hide-code"]
 from course.simulations.middleware import CAMERA, HOLD, LOOP, PACKETS, SEEING
@@ -1454,9 +1462,9 @@ table(
 # ## 6 · Speed: what a message costs
 #
 # How long does a message take to another process, or thread, and back? We measured it from Python, on one computer. The
-# methods do different work, so this is no race between products: the table's second column says what each one does with
-# the bytes. Times are relative: 1 is the round trip of 64 bytes between two threads that use a queue. (Zenoh is another
-# middleware, see section 9.) Bands show the middle half of the measurements.
+# methods do different work with the bytes (second column of the table). Times are relative: 1 is the round trip of 64
+# bytes between two threads that use a queue. (Zenoh is another middleware, see section 9.) Bands show the middle half
+# of the measurements.
 #
 # ![Round trips by size: threads, socket, shared memory, zenoh, Cyclone DDS](../docs/charts/round_trips.png)
 
@@ -1626,8 +1634,8 @@ predict("late_or_lost")
 #
 # </details>
 #
-# A message that is sent *once* (a goal, a change of mode) has no successor, and needs reliable. A stop must not depend
-# on a message: the drives have to stop by themselves when no commands arrive.
+# A message that is sent *once* (a goal, a change of mode) has no successor, and needs reliable delivery. A stop must
+# not depend on a message: the drives have to stop by themselves when no commands arrive.
 
 # %% tags=["hide-code"]
 more_claims("joint_states_reliable")
@@ -1664,8 +1672,8 @@ plt.show()
 #
 # ![Lateness of a loop next to busy processes, and the drift of a relative sleep](../docs/charts/loop_lateness.png)
 #
-# The right panel compares the two loops of section 2 while other programs disturbed both. Where periods were
-# skipped, the line is drawn straight across. The table counts the skipped periods of the left panel:
+# The right panel compares the two loops of section 2 while other programs disturbed both. The table counts the skipped
+# periods of the left panel:
 
 # %% tags=["hide-code"]
 row = r"(.+): skipped (\d+) of (\d+) periods; late by ([\d.]+) ms \(half\), ([\d.]+) \(99 %\), ([\d.]+)"
@@ -1719,8 +1727,13 @@ with loop.urgent() as granted:
 #   deadline server reserves time for ordinary tasks instead.
 #
 # A real-time kernel shortens some of these waits, but page faults and garbage collection remain. *PREEMPT_RT* is a
-# configuration of the Linux kernel with which a more urgent task can preempt most of the kernel's own code. Xenomai's
-# *Cobalt* is a second kernel next to Linux with its own real-time threads (Xenomai 3 documentation).
+# configuration of the Linux kernel with which a more urgent task can preempt most of the kernel's own code.
+#
+# <details><summary>A second kernel</summary>
+#
+# Xenomai's *Cobalt* is a second kernel next to Linux with its own real-time threads (Xenomai 3 documentation).
+#
+# </details>
 
 # %%
 show("fifo_makes_real_time")
@@ -1772,8 +1785,8 @@ plt.show()
 # A **lookup** names two frames and a time. Between two stamps the buffer *interpolates*: it moves the position along
 # the straight line and turns the orientation along the shortest rotation (**slerp**). With transforms every $T$ seconds
 # and an acceleration of at most $a$, the error of the position is at most $a\,T^2/8$. (An error of the orientation
-# comes on top. It moves the cup more, the farther away the cup is.) After the newest stamp, interpolation is
-# impossible. Guessing a pose there is called **extrapolation**, and tf2 refuses it with an exception:
+# comes on top.) After the newest stamp, interpolation is impossible. Guessing a pose there is called **extrapolation**,
+# and tf2 refuses it with an exception:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8.2, 2.4), layout="constrained")
@@ -1804,9 +1817,9 @@ _ = axis.set(xlabel="time [ms]", ylabel="y [m]", xlim=(-20, 1150), ylim=(-1.6, 1
 plt.show()
 
 # %% [markdown]
-# So request the time of the *image*, and wait until a transform that is at least as new has arrived (tf2's timeout).
-# The wait is a part of the age from section 3. Some programs request the newest transform instead. For an image from
-# the past, that is the pose of another moment.
+# So ask for the pose at the time of the *image*, and wait until a transform that is at least as new has arrived (tf2's
+# timeout). The wait is a part of the age from section 3. Some programs request the newest transform instead. For an
+# image from the past, that is the pose of another moment.
 #
 # **A worked example.** The camera sits on a link that swings to and fro, once in 2 s. It moves with at most $v = 0.94$
 # m/s and accelerates with at most $a = 3.0$ m/s², and there is a transform every $T = 20$ ms. Between the stamps the
@@ -1817,9 +1830,10 @@ plt.show()
 # ![Error of a lookup against look-ahead, and against the time between transforms](../docs/charts/transform_lookups.png)
 #
 # For a look-ahead well above $T$, the bound of the linear continuation grows with the square of the look-ahead, and the
-# bound of holding only in proportion to it. Each point of the chart is the largest error over a whole swing of 2 s.
-# There the line loses if the look-ahead exceeds 0.3 of this period (dotted): the camera has turned back, but the line
-# goes on. For "SciPy's Slerp", NumPy interpolates the positions, with the same error as our buffer.
+# bound of holding only in proportion to it. Each point of the chart is the largest error over a whole swing of 2 s. If
+# the look-ahead exceeds 0.3 of this swing (dotted), continuing the line is worse than holding: the camera has turned
+# back, but the line goes on. For "SciPy's Slerp", NumPy interpolates the positions, with the same error as our buffer.
+# The printed times are per lookup, for many lookups in one call.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 timing = next(line for line in read("transform_lookups").splitlines() if "of a lookup" in line)
@@ -1926,7 +1940,7 @@ more_claims(
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The controller is jittery*: it runs at uneven intervals. Record the three timestamps of each
-# cycle. If the loop is a callback, it is not enough that it is shorter than a period, because it also waits for other
+# cycle. If the loop is a callback, being shorter than a period is not enough, because it also waits for other
 # callbacks.
 #
 # <details><summary>What people get wrong here</summary>
@@ -1979,7 +1993,9 @@ for axis, title, reason, ink, listed, matched in (
 plt.show()
 
 # %% [markdown]
-# Each row is a run of two processes on Cyclone DDS. Its **built-in topics** list what discovery has found.
+# Each row is a run of two processes on Cyclone DDS. Its **built-in topics** list what discovery has found. A **peer**
+# is an address of another computer, written into the configuration. A **type hash** is a number computed from the
+# fields of a message type; an *appendable* type may get more fields at its end.
 
 # %% tags=["hide-code"]
 table(
@@ -2078,7 +2094,7 @@ more_claims("mismatch_is_late", "listed_is_matched")
 # matched</td> <td>incompatible QoS; or another topic name, type or domain</td> <td>compare both ends (`ros2 topic info
 # --verbose`)</td> <td>raise the offer or lower the request; or the same name, type and domain</td></tr> <tr><td>nothing
 # arrives: matched</td> <td>nothing is published, or a callback never returns</td> <td>`ros2 topic hz`; log when each
-# callback starts and ends</td> <td>publish; end what the callback waits for</td></tr> <tr><td>messages late by whole
+# callback starts and ends</td> <td>publish; never wait inside a callback</td></tr> <tr><td>messages late by whole
 # periods</td> <td>a full queue</td> <td>set the depth to 1</td> <td>depth 1, or read everything and use the
 # newest</td></tr> <tr><td>the larger the message, the later it is</td> <td>serialisation, or fragments sent again</td>
 # <td>send a small message; if it is fast, size matters. Send the large one within one computer; if that is fast, the
@@ -2088,9 +2104,9 @@ more_claims("mismatch_is_late", "listed_is_matched")
 # lock</td> <td>read back scheduler, core and memory locking; test under load</td> <td>SCHED_FIFO; priority inheritance;
 # no lock in the loop</td></tr> <tr><td>period too long by a constant</td> <td>the loop sleeps for a period</td>
 # <td>measure the drift over a thousand periods</td> <td>sleep until the release</td></tr> <tr><td>a display that starts
-# late stays empty</td> <td>one end is volatile or best effort</td> <td>start it first: if it stays empty, the writer
-# offers too little</td> <td>transient local and reliable at both ends; until the first status arrives, assume that it
-# is unsafe</td></tr> </table>
+# late stays empty</td> <td>one end is volatile or best effort</td> <td>start it first. Still empty: the writer offers
+# too little. Otherwise: nothing is stored for late readers</td> <td>transient local and reliable at both ends; until
+# the first status arrives, assume that it is unsafe</td></tr> </table>
 #
 # ## 8 · Exercises
 #
@@ -2395,9 +2411,9 @@ for n in (1, 5, 10):
 table(*lines)
 
 # %% [markdown]
-# One action and five have the same ages, but with five the arm never stops. With ten actions the ages are larger. So
-# keep the fast feedback loop in its own real-time thread, and let it react if the policy's next chunk misses its
-# deadline.
+# One action and five have the same ages, but with five the arm never stops. With ten actions the ages are larger. Even
+# the smallest is too old for fast feedback, so keep that loop in its own real-time thread, and let it react if the
+# policy's next chunk misses its deadline.
 #
 # Where should a large model run? In the simplest case, each inference reads all weights of the model from memory once.
 # (A model that computes its output step by step reads them in each step.) With $n$ weights of $b$ bytes, $k$ actions
