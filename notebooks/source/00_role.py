@@ -21,7 +21,8 @@ simulation("stack")
 # %% [markdown]
 # The drawing shows the software of a robot, its *stack*. Each dot belongs to one image, and the number is the image's
 # age. The blue bars show how often the command has each age in a simulated run. The dashed lines come from a formula
-# (section 1): the least age, the mean, and a *bound* that no age exceeds.
+# (section 1): the least age, the mean, and a *bound* that no age exceeds. The last number is the age of the newest
+# result of the box that you click (at first perception).
 #
 # **After this chapter you can** draw a stack as a graph, with the rate, the size and the kind of deadline of every
 # arrow; compute how old the information behind a motor command is; find the change that makes it younger; and
@@ -32,8 +33,7 @@ simulation("stack")
 # This course prepares for a role: an engineer who simulates robots, and who can say how far a simulated number can be
 # trusted.
 #
-# *Cards* ask questions. Some show a statement to judge: true, false, or true only under a condition. (`python -m
-# course.derivations 0` checks the statements.)
+# *Cards* ask questions. Some show a statement to judge: true, false, or true only under a condition.
 #
 # Section 7 has a formula and these exercises:
 
@@ -83,9 +83,8 @@ def table(*rows):
 #
 # * The **simulation** takes torques (turning moments) and returns images and **joint states**: the angles, speeds and
 #   torques of the joints. It stands for the robot (chapters 1 to 4).
-# * The **middleware** carries messages from one program to another. (Poses and trajectories pass through it, too, but
-#   are drawn without it.) Each image has a **time stamp**, at best the moment of its capture. The camera sets
-#   it, or its *driver*, the program that reads the camera (chapter 10).
+# * The **middleware** carries messages from one program to another. Each image has a **time stamp**, at best the
+#   moment of its capture. The camera sets it, or its *driver*, the program that reads the camera (chapter 10).
 # * **Perception** turns images (*frames*) into poses, the positions and orientations of things, with their
 #   uncertainty, the *covariance* (chapter 7).
 # * **Planning** turns poses into trajectories, motions over time (chapter 5).
@@ -111,11 +110,10 @@ predict("never_late")
 #
 # The **bandwidth** of an arrow is its rate times the size of each sample: bytes per second. A depth camera measures
 # the distance at each pixel. With 640 by 480 pixels of 2 bytes at 30 Hz, it sends $640 \cdot 480 \cdot 2 \cdot 30 =
-# 18.4$ million bytes per second. A joint state of 7 joints has three numbers of 8 bytes for each joint, so $7 \cdot 3
-# \cdot 8 = 168$ bytes.
+# 18.4$ million bytes per second.
 #
 # The table lists the arrows with the largest bandwidth. The arrows of the simulation have no deadlines, because this
-# simulation waits for its readers and for the torques. A log has none either.
+# simulation waits for its readers and for the torques.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -194,10 +192,10 @@ table(
 )
 
 # %% [markdown]
-# Why half of each period? The planner looks for a pose at a moment that is random for perception. The newest pose may
-# have come just now, or almost a whole period of perception ago. On average it came half a period ago. In the same
-# way, the loop uses a plan that came, on average, half a planner period ago, 50 ms. And the command in force came
-# half a loop period ago.
+# Why half of each period? The planner looks for a pose at a random moment of perception's period. The newest pose may
+# have come just now, or almost a whole period ago. On average it came half a period ago. In the same way, the loop
+# uses a plan that came, on average, half a planner period ago, 50 ms. And the command in force came half a loop period
+# ago.
 #
 # **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves
@@ -213,8 +211,7 @@ table(
 # rate exactly, so the phase changes slowly, and over some hours it takes all values. The 172.4 ms are the mean over
 # all phases.
 #
-# Programs on one computer usually share its clock, so their phase can stay the same. Then the mean depends on this
-# phase (section 6).
+# Programs on one computer usually share its clock. Then the mean can depend on their phase (section 6).
 #
 # <details><summary>Derive the least age, the mean and the bound</summary>
 #
@@ -264,8 +261,8 @@ show("polling_makes_fresh")
 # The camera and perception have the same interval. So both means are equal.
 #
 # Do both times also have the same *distribution*: is each value as frequent in one as in the other? The next card
-# tests this with lost results and with **jitter**: a stage does not always need the same time. With jitter a result
-# can overtake an older one. The simulation then drops the older one.
+# tests this with lost results and with **jitter**, execution times that vary. With jitter a result can overtake an
+# older one. The simulation then drops the older one.
 
 # %%
 show("reaction_is_age")
@@ -280,27 +277,26 @@ show("reaction_is_age")
 # **latency budget** divides this age among the boxes and arrows.
 #
 # Images and joint states reach the motors on two paths, and on each path the information has an age of its own. The
-# **critical path** is the one on which it becomes oldest, here the path from the camera. Time saved on another path
-# does not make it younger.
+# **critical path** is the one on which the information becomes oldest, here the path from the camera. Time saved on
+# another path does not make this information younger.
 
 # %%
 predict("where_to_spend")
 
 # %% [markdown]
-# A stage can get a faster clock, which costs cores. Or somebody shortens its execution time: then the age falls by
-# what is saved. There are two other changes:
+# A stage can get a faster clock, which keeps more cores busy. Or somebody shortens its execution time: then the age
+# falls by what is saved. There are two other changes:
 #
 # * A stage that starts **on arrival** has no clock. Each new input starts it. So no input waits, as long as the stage
 #   is free when the input comes.
 # * A **pipelined** stage has several workers. One of them begins with a new sample before another has finished the
-#   last one. Results come more often; a single sample takes as long as before. For that, each worker needs hardware
-#   of its own: two that share a graphics card may slow each other down.
+#   last one. Results come more often; a single sample takes as long as before. Each worker needs hardware of its own.
 #
-# A stage is in **overload** if it is started more often than one worker can finish. (So perception has two workers.)
-# If poses start our planner, it is in overload: it needs 60 ms, and a pose comes every 33.3 ms. So it needs a rule.
-# With *skip* it ignores the poses that come while it is busy, and starts with the next one that comes. With *queue*
-# there is room for one waiting pose. A newer pose replaces it, and the planner takes the pose that waits as soon as
-# it is free. Or the planner is *pipelined*: then it plans for every pose.
+# A stage is in **overload** if it is started more often than one worker can finish. (For this reason perception has
+# two workers.) If poses start our planner, they overload it: a plan takes 60 ms, and a pose comes every 33.3 ms. So
+# the planner needs a rule. With *skip* it ignores the poses that come while it is busy, and starts with the next one
+# that comes. With *queue* there is room for one waiting pose. A newer pose replaces it, and the planner takes the pose
+# that waits as soon as it is free. Or the planner is *pipelined*: then it plans for every pose.
 
 # %%
 show("start_when_free")
@@ -353,14 +349,14 @@ table(
 # standard deviation of this error is the speed times the standard deviation of the age.
 #
 # If images steer the arm, old images can make it *unstable*: it swings more and more. Let the arm swing at $f$ Hz.
-# During the age $A$ it goes through $f A$ cycles. So the correction comes $f A$ cycles late. As an angle, this
-# **phase lag** is $2\pi f A$. If the arm's speed is proportional to the error in the image, a correction that lags by
-# more than 90 degrees pushes the swing instead of braking it (chapter 6).
+# During the age $A$ it goes through $f A$ cycles, so the correction comes with a **phase lag** of $2\pi f A$. Suppose
+# that the arm moves with a speed proportional to the error in the image. Then a correction that is less than a quarter
+# of a cycle (90 degrees) late makes the swing smaller. A later one makes it larger (chapter 6).
 #
-# In the chart the belt speeds up with 1 m/s². At the capture the part has the speed on the axis, and we know this
-# speed exactly. The table shows the errors at 0.3 m/s, and a phase lag. Its first three rows are mean errors, all in
-# one direction. (All three also vary, with the age.) The fourth row is a scatter. Without stamps, it comes on top of
-# the third:
+# In the chart the belt speeds up with 1 m/s². We know the speed at the capture (on the axis) exactly. The errors *used
+# as it came* and *predicted* always have the same direction: the chart shows their means. Without time stamps, an
+# error in both directions is added to the error of the prediction: the chart shows its standard deviation. The table
+# has the errors at 0.3 m/s.
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -397,9 +393,8 @@ table(
 #
 # ### What the boxes are built with
 #
-# Free software exists for most boxes: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for planning.
-# Above planning, a **behaviour tree** often decides what the robot does next, and what it does after a failure. It is
-# a tree whose nodes succeed, fail, or are still running.
+# Free software exists for most boxes: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for planning. Above
+# planning, a **behaviour tree** often decides what the robot does next, and what it does after a failure.
 #
 # <details><summary>These options, with year and source</summary>
 #
@@ -452,8 +447,8 @@ spread = 1000 * np.std(np.mean(ages, axis=1)) / np.sqrt(len(ages))
 print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {simulated:.1f} ± {spread:.1f} ms")
 
 # %% [markdown]
-# The ± is the **standard error**: the standard deviation of such a mean, estimated from the means of the 300 runs.
-# The two values differ by less, which can be chance.
+# The ± is the **standard error**: the standard deviation that the mean of 300 runs would have if we repeated them. (We
+# estimate it from the means of the single runs.) The two values differ by less, which can be chance.
 #
 # ## 4 · The simulation in full
 #
@@ -474,12 +469,12 @@ predict("queue_of_ten")
 #
 # There are two ways to compute a mean age: the closed form and an event simulation, which jumps from one event to the
 # next. Here an event is the start or the result of a stage. We simulate this chapter's chain many times with random
-# phases. From each run we take the age at one random moment, so the ages are independent, and then their mean.
+# phases. From each run we take the age at one random moment. So the ages are independent. Then we compute their mean.
 #
 # The *error* of such a mean is its distance from a reference: the mean over 8,192 runs whose phases are spread evenly
 # over all values. For 3, 10, 30, 100, 300 and 1,000 runs we compute the error nine times. A green point is the
 # *median*, the middle one of these nine errors. The band around it holds their middle half. The blue point is the
-# closed form. For this chain it is exact. So the error drawn there is the error of the reference.
+# closed form. It is exact for this chain. So the error at the blue point is that of the reference.
 #
 # ![Error of the mean age against time](../docs/charts/age_precision.png)
 
@@ -488,13 +483,12 @@ figures(read("age_precision"), "closed form", "1,000 runs", summary="Times and e
 
 # %% [markdown]
 # How many runs does an error of 1 ms take? One age has a standard deviation of 30.4 ms, and the mean over $n$ runs
-# has $30.4/\sqrt n$ ms. That is 1 ms at $30.4^2 \approx 920$ runs. The chart shows the median error, about 0.67 of
-# the standard deviation. So the green line reaches 1 ms, the dotted line, at about $0.67^2 \cdot 920 \approx 410$
-# runs.
+# has $30.4/\sqrt n$ ms. That is 1 ms at $30.4^2 \approx 920$ runs. But the chart shows the median error. Means of
+# many values follow a bell curve, and its median error is 0.67 of the standard deviation. So the green line reaches
+# 1 ms, the dotted line, at about $0.67^2 \cdot 920 \approx 410$ runs.
 #
-# The closed form needs only microseconds, but it gives the mean over all phases. It cannot show what happens in *one
-# particular* run; the event simulation can. Use the formula to design, and the simulation wherever the assumptions of
-# the formula do not hold.
+# The closed form needs only microseconds, but it gives the mean over all phases. Use the formula to design, and the
+# simulation where the formula's assumptions fail.
 #
 # ## 6 · Debug: where it fails
 #
@@ -506,10 +500,10 @@ figures(read("age_precision"), "closed form", "1,000 runs", summary="Times and e
 #   clocks that count the swings of the same quartz never drift against each other.
 # * The rates do not fit together. 30 Hz and 10 Hz fit: three periods of one clock last as long as one period of the
 #   other. So each tick of the slower clock comes at the same moment between two ticks of the faster one. At 30 Hz and
-#   9.73 Hz it comes at many different moments.
+#   9.73 Hz it comes at about twelve different moments, evenly spread.
 #
-# Two clocks are **locked** if neither is the case: they do not drift, and after one or a few ticks of the slower
-# clock the phase is the same again.
+# Two clocks are **locked** if neither is the case: they do not drift, and the slower clock ticks at the same moment
+# each time, or at two or three in turn.
 
 # %%
 show("long_run_mean")
@@ -523,7 +517,8 @@ show("same_rate_in_step")
 
 # %% [markdown]
 # The upper row of the chart shows locked and drifting clocks. The lower row belongs to *Queues* below. A camera takes
-# 30 images per second. Markers and coloured lines are the event simulation. The thin black lines are the theory.
+# 30 images per second, and *age at reading* is the age of an image when the reader takes it. Markers and coloured
+# lines are the event simulation. The thin black lines are the theory.
 #
 # ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
@@ -534,7 +529,7 @@ figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 # Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
 # The curve has three teeth because three images come in one period of the reader. A reader at 9.73 Hz is not locked,
 # even with the same quartz: its mean stays near half of the camera's period, marked $T/2$. Small waves remain,
-# because the phase takes only about twelve values.
+# because there are only twelve moments.
 #
 # Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
 # falls at once by one period, and rises again. This shape is a *sawtooth*.
@@ -549,8 +544,8 @@ figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 #
 # Look instead at the least age over several hours. If the execution times are constant and the clocks that start the
 # programs drift, this age comes close to the sum of the execution times. If it is smaller, suspect an offset or a
-# late stamp. If it is larger, compare the clocks themselves: the transport of messages, which we did not count, looks
-# like an offset of the other sign.
+# late stamp. If it is larger, there are two possible causes: an offset in the other direction, or the transport of
+# messages, which we did not count. The ages cannot tell these two apart, so compare the two clocks directly.
 #
 # Computers set their clocks over the network. One computer sends a question at $t_0$, which arrives at another one at
 # $t_1$. The answer leaves at $t_2$ and arrives at $t_3$. The first computer's clock measures $t_0$ and $t_3$, the
@@ -604,8 +599,8 @@ plt.show()
 # %% [markdown]
 # **NTP** (Network Time Protocol, RFC 5905) works in this way. Usually software takes its stamps, so a wait in the
 # operating system looks like a delay on the network. **PTP** (Precision Time Protocol, IEEE 1588) usually takes the
-# stamps in the network card, and the devices between the two computers correct for the delay that they cause. So
-# hardly any unequal delays remain, if all these devices support PTP.
+# stamps in the network card, and devices between the two computers that support PTP correct for the delay that they
+# cause.
 #
 # For a camera there is a third solution: a **trigger line**, a wire whose signal tells the camera when to take an
 # image. The sender knows the time of capture without any network. But after one lost image,
@@ -617,8 +612,8 @@ plt.show()
 #
 # Ask a third question about the chain: are its clocks locked? Independent clocks run through all phases, but slowly:
 # two clocks at 30 Hz that differ by 10 ppm need almost an hour. Synchronised clocks hardly drift. If the clocks that
-# start our stages are synchronised, they are locked, because the rates of camera, planner and joint loop are 3 to 1
-# to 100. Then the mean age depends on the start of the robot, and lies between about 155 and 190 ms.
+# start our stages are synchronised, they are locked, because the rates of camera, planner and joint loop are 3 to 1 to
+# 100. Then the mean age lies between about 155 and 190 ms, depending on the start of the robot.
 #
 # <details><summary>Derive these two limits</summary>
 #
@@ -632,7 +627,8 @@ plt.show()
 #
 # ### Queues
 #
-# While a reader is busy, samples wait in a queue. In a queue of depth 1, a new sample replaces the one that waits.
+# While a reader is busy, samples wait in a queue. In a queue of depth 1, such as the rule *queue* of section 2, a new
+# sample replaces the one that waits.
 
 # %%
 show("deep_queue")
@@ -700,17 +696,17 @@ show("jitter_leaves_the_mean")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The arm is late.* Send the time stamp of the capture along with the data. When a plan is used
-# for the first time, log the age of its image. (In use it grows further, which hides the patterns.) Plot these ages
+# for the first time, log the age of its image. (Later ages of the same plan would hide the patterns.) Plot these ages
 # over at least an hour: one point for each plan. Each line names what you see, and then the likely cause:
 #
-# * All ages are nearly equal (if the execution times hardly vary), but different after a restart: locked clocks.
+# * All ages are nearly equal, but different after a restart: locked clocks.
 # * The age rises slowly and falls at once, again and again (a sawtooth): clocks that drift, and the reader's is a
 #   little too slow. If it is a little too fast, the age falls slowly and rises at once.
 # * All ages are larger than computed, by whole periods of one producer: a full queue.
 # * The age grows without end: overload, and a queue without a limit. Or the clocks of two computers drift apart: then
-#   the information is as young as before, but the logged ages are wrong, and so is every prediction with them.
+#   only the logged ages grow (or shrink). They are wrong, and so is every prediction with them.
 # * The ages are scattered without a pattern: jitter or lost samples.
-# * Ages are below the sum of the execution times: the stamp is taken too late, or two clocks have an offset.
+# * Ages are clearly below the sum of the execution times: the stamp is taken too late, or two clocks have an offset.
 #
 # </div>
 #
@@ -868,9 +864,10 @@ predict("gold_plated_table")
 # simulation it follows from the number of time steps in a try, the computing time of a step (chapter 1), and the
 # number of cores.
 #
-# The panel below compares the days that the tries take. It only counts them: a simulated try teaches less about the
-# robot. Two values are guesses: a step costs 100 µs (with a rendered image far more, second preset), and 2 in 1,000
-# tries damage the robot. The axes count powers of ten: 3 means 1,000 tries, and $-3$ means a thousandth of a day.
+# The panel below shows how many days the tries take. It only counts tries, but a simulated try teaches less about the
+# robot. Two values are guesses: a step costs 100 µs, and 2 in 1,000 tries damage the robot. (A step that also renders
+# an image costs far more, as in the second preset.) The axes count powers of ten: 3 means 1,000 tries, and $-3$ means
+# a thousandth of a day.
 
 # %%
 simulation("development")
@@ -905,9 +902,9 @@ for good, tried in ((13, 15), (87, 100), (8700, 10_000)):
 table(*rows)
 
 # %% [markdown]
-# Another sentence without a source: *"A policy fell from 94 to 35 % because of 20 ms of delay."* No data are known.
-# But you can compute the phase lag. How much is too much depends on the loop: the 90 degrees of section 2 hold only
-# for the loop there.
+# Here is another sentence without a source: *"A policy fell from 94 to 35 % because of 20 ms of delay."* No data are
+# known. But you can compute the phase lag. How much is too much depends on the loop: the 90 degrees of section 2 hold
+# only for the loop there.
 
 # %% tags=["hide-code"]
 table(
@@ -928,8 +925,8 @@ table(
 predict("one_policy_for_three_boxes")
 
 # %% [markdown]
-# The table lists the data age for three intervals between observations. The policy needs 80 ms, and the joint loop
-# runs at 1,000 Hz:
+# The table lists the data age for three intervals between observations. The policy's start triggers the camera, the
+# policy needs 80 ms, and the joint loop runs at 1,000 Hz:
 
 # %% tags=["hide-code"]
 rows = [("a new chunk every", "mean age [ms]", "bound [ms]")]
@@ -940,11 +937,10 @@ for looks in (0.1, 0.4, 0.8):
 table(*rows)
 
 # %% [markdown]
-# If the policy's start also triggers the camera, the age of a command still follows the formula of section 1, with one
-# stage before the joint loop. (With a camera that runs freely at 30 Hz, half of its interval comes on top, 17 ms.) The
-# robot executes a chunk until the next one arrives, so the interval of this stage is the time between two
-# observations. If each action is executed at the moment for which it was chosen, its age does harm only where
-# something happens that the policy did not foresee.
+# The age of a command still follows the formula of section 1, with one stage before the joint loop. The robot executes
+# a chunk until the next one arrives, so the interval of this stage is the time between two observations. If each
+# action is executed at the moment for which it was chosen, its age does harm only where something happens that the
+# policy did not foresee.
 #
 # <details><summary>For how many seconds must the actions of a chunk last?</summary>
 #
@@ -971,8 +967,9 @@ table(*rows)
 # </div>
 #
 # This chapter in that frame, as you could say it after you have solved exercise 2. Your function knows no overload,
-# but a planner that skips acts like a planner on arrival behind a camera at 15 Hz: `chain_age([0.045, 0.060, 0.0002],
-# [2/30, 0, 0.001])` returns its ages.
+# but you can pass it other periods. With *skip* the planner uses every second pose, as if it started on arrival behind
+# a camera at 15 Hz: `chain_age([0.045, 0.060, 0.0002], [2/30, 0, 0.001])`. With *queue* the
+# periods are $1/30$ s for perception and $0.06$ s for the planner, *pipelined* they are $1/30$ s and 0.
 
 # %% tags=["hide-code"]
 table(
@@ -1000,7 +997,7 @@ table(
 )
 
 # %% [markdown]
-# Now answer these questions aloud. Then open the one-minute answer. The questions stand in three groups: for a short
+# Now answer these questions aloud. Then open *In a minute*. The questions stand in three groups: for a short
 # first interview (*screen*), for a senior engineer, and for a *staff* engineer, who leads others.
 
 # %%
@@ -1009,7 +1006,7 @@ interview("role")
 # %% [markdown]
 # ### Checkpoint
 #
-# Five questions on this chapter, drawn at random.
+# Five questions on this chapter, drawn at random: the number `seed` below decides which.
 
 # %%
 checkpoint("role", ["", "", "", "", ""], seed=1)

@@ -3,7 +3,7 @@
 #
 # *Your simulated robot stands still, and its energy grows. A part tumbles through the air and turns the wrong way. A
 # simulation with a stiff gripper explodes at one step size and runs well at another. In all three, the time step is
-# to blame: its length or its code.*
+# to blame: how long it is, or how it is coded.*
 #
 # A simulator advances time in small **steps**. In each step it updates the velocity of a body and its position. Does it
 # matter which of the two comes first?
@@ -138,15 +138,14 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # The tensor connects the **angular velocity** $\omega$ (along the axis of rotation, its length the rate in rad/s)
 # with the **angular momentum** $L = I\omega$.
 #
-# Without torque, $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. To keep
-# $L = I\omega$ constant, $\omega$ usually has to change too: the axis of rotation moves, and the book wobbles. The
-# exception is a spin about a principal axis. There $L$ and $\omega$ are parallel, and both stay constant if nothing
-# disturbs the spin.
+# Without torque, $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. To keep $L =
+# I\omega$ constant, $\omega$ usually has to change too: the axis of rotation moves, and the book wobbles. The
+# exception is a spin about a principal axis. There $L$ and $\omega$ are parallel, and both stay constant.
 #
-# In the simulation below, $\omega$ sweeps the green *space cone*, which need not close. Seen from the body, it sweeps
-# the pink *body cone*; the path of its tip there is the **polhode**. No torque does work, so the energy
-# $\tfrac12\,\omega\cdot L$ is constant, like $L$. So the part of $\omega$ along $L$ is constant too: the tip of
-# $\omega$ stays in the grey plane, perpendicular to $L$.
+# In the simulation below, $\omega$ sweeps out a surface, the green *space cone*, which need not be round or closed.
+# Seen from the body, $\omega$ sweeps out the pink *body cone*; the path of its tip there is the **polhode**. No torque
+# does work, so the energy $\tfrac12\,\omega\cdot L$ is constant, like $L$. So the part of $\omega$ along $L$ is
+# constant too: the tip of $\omega$ stays in the grey plane, perpendicular to $L$.
 # %%
 show("free_body_keeps_angular_velocity")
 # %%
@@ -206,11 +205,13 @@ predict("brick_that_flips")
 # %%
 simulation("flip")
 # %% [markdown]
-# In the simulation, the grey arrow is the body's **middle axis**, that of the middle moment. After a flip it points
-# the other way. (Lower chart: the rate about the two other axes.) To see why, look at $L$ in the body frame, with its
-# components $L_i$ along the principal axes. The length of $L$ is constant, so its tip stays on a sphere. The energy
-# $\tfrac12\,\omega\cdot L = \sum_i L_i^2/(2I_i)$ is constant, too, so the tip also stays on an ellipsoid. It runs
-# along a curve in which the two meet.
+# Along the longest side, the brick has its smallest moment, along the shortest side its largest. So the axis along the
+# middle side is that of the middle moment: the **middle axis**, grey in the simulation. After a flip it points the
+# other way. (Lower chart: the rate about the two other axes.)
+#
+# To see why, look at $L$ in the body frame, with its components $L_i$ along the principal axes. The length of $L$ is
+# constant, so its tip stays on a sphere. The energy $\tfrac12\,\omega\cdot L = \sum_i L_i^2/(2I_i)$ is constant, too,
+# so the tip also stays on an ellipsoid. It runs along a curve in which the two meet.
 #
 # Close to the axes of the smallest and of the largest moment, the curves are small closed loops. On the middle axis
 # two curves cross, and an $L$ that starts near the crossing moves all the way to the opposite side and back:
@@ -319,13 +320,14 @@ more_claims("principal_axis_is_stable", "tumbling_is_irregular")
 # ### What keeps a spinning top up?
 #
 # A spinning top leans over and does not fall. Gravity exerts a torque about its tip. This torque is horizontal and
-# perpendicular to the axis. Without spin, $L$ starts at zero and grows along the torque: the top tips over. With a fast
-# spin, there is already a large $L$, nearly along the axis. At every instant the torque adds a small sideways piece to
-# it, so the axis turns sideways.
+# perpendicular to the axis. Without spin, $L$ starts at zero and grows along the torque: the top falls over. With a
+# fast spin, there is already a large $L$, nearly along the axis. At every instant the torque adds a small sideways
+# piece to it, so the axis turns sideways.
 #
 # This is called **precession**. With the distance $l$ from the tip to the centre of mass, its rate is about $mgl/L$
-# for a fast spin. A top released spinning but not circling also nods (**nutation**). In the simulation, the blue line
-# is the path of the top's axis. Raise the spin: $L$ moves closer to the axis.
+# for a fast spin. If you release a top that spins but has no precession yet, its axis also nods up and down
+# (**nutation**). In the simulation, the blue line is the path of the top's axis. Raise the spin: $L$ moves closer to
+# the axis.
 # %%
 show("gyroscopic_term_holds_the_top_up")
 # %%
@@ -376,7 +378,7 @@ except ValueError as problem:
 # **roll** about its new $x$ axis, which points to the nose. With $z$ up, a positive $\theta$ turns the nose down.
 #
 # At $\theta = -90°$ the nose points straight up, at $+90°$ straight down. There yaw and roll turn about the same
-# line: the nose can tip only about the pitch axis. This is **gimbal lock**. Set the pitch to 90° and watch the blue
+# line: the nose can move only about the pitch axis. This is **gimbal lock**. Set the pitch to 90° and watch the blue
 # ring (yaw) and the violet ring (roll):
 # %%
 simulation("gimbal")
@@ -386,8 +388,8 @@ simulation("gimbal")
 # no angle rates can turn the body about it. Near the lock, such a turn needs huge rates.
 #
 # Take the three angle rates as one vector of length 1 rad/s and try all its directions. The smallest angular speed
-# that results is the smallest **singular value** of $E$ (*weakest turn* in the simulation), its axis the *weakest
-# axis*. At the lock this speed is zero, and the weakest axis becomes the lost axis.
+# that results is the smallest **singular value** of $E$ (*weakest turn* in the simulation). The body then turns about
+# the *weakest axis*. At the lock this speed is zero, and the weakest axis becomes the lost axis.
 # %% tags=["hide-code"]
 print("angle rates needed to turn at 1 rad/s about the weakest axis")
 for angle in (60.0, 89.0, 90.0):
@@ -674,7 +676,7 @@ more_claims(
 #
 # The **explicit midpoint** rule takes half a step of explicit Euler, computes the derivative there, and uses it for
 # the full step. The **implicit midpoint** rule uses the derivative at the average of the old and the new state. The
-# new state appears on both sides, so every step has to solve an equation. The course uses Newton's method.
+# new state appears on both sides, so every step has to solve an equation.
 #
 # **RK4**, the classical Runge-Kutta method of fourth order, evaluates four slopes $k_1$ to $k_4$. With the state $y =
 # (q, v)$ and $\dot y = f(y)$:
@@ -885,8 +887,8 @@ more_claims(
 # $$\Delta E = m g^2 h^2\,(\tfrac12 - c) \quad\text{per step.}$$
 #
 # So explicit Euler gains $\tfrac12 mg^2h^2$ in every step, and semi-implicit Euler loses as much, although it is
-# symplectic. In a swing its error comes and goes with the velocity. In free fall the velocity changes in one
-# direction only, so the error adds up.
+# symplectic. When something swings, this error changes its sign with the swing. In free fall the velocity changes in
+# one direction only, so the error adds up.
 #
 # **Restitution** $e$ is the speed after an impact divided by the speed before, both measured perpendicular to the
 # floor. With $e = 1$ a bounce should cost no energy. Programs often use a simple rule: if a ball is below the floor
@@ -1034,10 +1036,11 @@ print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # newest state, so their age is 0. For *apply forces*, it is the age of the state from which the command was computed.
 # A new command comes only every 2 ms, so in every second step that state is 1 ms old.
 #
-# Collisions are the last task of a step. So the first row still belongs to the step from 0 to 1 ms, the next two to
-# the step that begins at 1 ms. The image falls due at 16.667 ms, two thirds of the way from 16 to 17 ms. But the
-# state of 17 ms does not exist yet. So the image mixes the last two states, 15 and 16 ms, with the weight 0.667 for
-# the newer one. It shows the motion of 15.667 ms, one step late but smooth:
+# Collisions are the last task of the physics step; images are drawn between two steps. So the first row of the table
+# below still belongs to the step from 0 to 1 ms, the next two to the step that begins at 1 ms. The image falls due at
+# 16.667 ms, two thirds of the way from 16 to 17 ms. But the state of 17 ms does not exist yet. So the image mixes the
+# last two states, 15 and 16 ms, with the weight 0.667 for the newer one. It shows the motion of 15.667 ms, one step
+# late but smooth:
 # %% tags=["hide-code"]
 from fractions import Fraction
 
@@ -1213,7 +1216,7 @@ for name in (
     print(f"{name:<20} {error:>12} {by_energy:>17} {by_momentum:>12}")
 # %% [markdown]
 # The drifts are relative to the start. `rk4_renormalised` is ordinary RK4 on the quaternion's four numbers, scaled to
-# length one after each step.
+# length one after each step. It averages rates of these numbers, not angular velocities, so it needs no corrections.
 # %%
 more_claims("rotation_stages_add")
 # %% [markdown]
@@ -1280,7 +1283,7 @@ simulation("bouncing_box")
 #
 # ### The work-precision diagram
 #
-# "RK4 costs four times as much as Euler." That is true for one step, but RK4 may need a thousand times fewer steps.
+# "RK4 costs four times as much as Euler." That is true for one step, but RK4 may need only a thousandth of the steps.
 # Your task has a tolerance, the largest error that you accept, and you want to reach it with the least work.
 #
 # A **work-precision** diagram plots the error against the cost for every method, with one point per step size. Draw a
@@ -1288,9 +1291,8 @@ simulation("bouncing_box")
 # logarithmic axes a method of order $p$ has the slope $-p$.
 #
 # The problem here is a double pendulum. Drag the tolerance line. The circle marks the cheapest run. Each run is timed
-# in three rounds: a point shows the fastest, and its thin bar reaches to the upper quartile. If other programs run
-# too (*busy* below the chart), a curve may run backwards. Compare times only within one chart. The measured
-# orders:
+# in three rounds: the point shows the fastest round, and its thin bar ends halfway between the two others. If other
+# programs run too (*busy* below the chart), a curve may run backwards. The measured orders:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1332,9 +1334,9 @@ predict("method_for_a_tumble")
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
 # The bouncing box has two separate errors of first order: semi-implicit Euler's flight is wrong (*exact flight*
-# corrects this), and impacts happen only at the end of a step (*impact times* correct this). For this throw and a
-# step of 1 ms the two partly cancel, so the result gets worse if you correct only one. Correct both, and only
-# rounding errors remain. The horizontal axis counts steps:
+# corrects this), and impacts happen only at the end of a step (*impact times* correct this). For this throw and a step
+# of 1 ms the two partly cancel, so the result gets worse if you correct only one. Correct both, and only rounding
+# errors remain:
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
@@ -1387,8 +1389,8 @@ more_claims(
 # Reinforcement learning needs thousands of copies of a scene, mostly on GPUs; this chart measures one CPU core. It
 # compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for this. A
 # *body-step* is one step of one body. In the table below the chart, the last column is the simulated time per second
-# of computing, *summed over all bodies*, and *error* is that of the position in metres after the first impacts: only
-# our program finds the impact times. (The right panel is about free bodies.)
+# of computing, *summed over all bodies*. *Error* is that of the position in metres after the first impacts. It is
+# larger in MuJoCo, which does not find the impact times. (The right panel is about free bodies.)
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 # %% jupyter={"source_hidden": true}
@@ -1420,8 +1422,9 @@ figures(
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
-# In the table, *error* is the change of the answer in metres when an effect is neglected. The three effects that are
-# *left out* (the table shows the largest) change it by less than the tolerance, even all together:
+# In the table, *error* is the change of the answer in metres when an effect is neglected. *Measured against* names the
+# other model: without the effect if it is *modelled*, with it if it is *left out*. The three effects that are left out
+# (the table shows the largest) change the answer by less than the tolerance, even all together:
 # %% jupyter={"source_hidden": true}
 figures(
     re.sub(r"   saves(?=  )|       -(?=  )", "", read("scene_bouncing_box")),
@@ -1440,7 +1443,7 @@ figures(
 #   size.
 # * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4.
 # * *Stiff springs whose vibration you don't need*: an implicit method that damps, such as implicit Euler (forces at the
-#   *end* of the step) or MuJoCo's `discrete`. Implicit midpoint is stable too, but the spring continues to vibrate.
+#   *end* of the step) or MuJoCo's `discrete`.
 # * *Very long runs in which averages matter and not the exact path*: a symplectic method with a fixed step.
 #
 # ## 7 · Debug: where it fails
@@ -1583,15 +1586,15 @@ simulation("tunnelling", still=3.3)
 # step. Once its centre has passed the middle of the wall, at the overlap $D/2$, the contact pushes it out on the far
 # side.
 #
-# The formula assumes that *every* overlap sends the ball back, as in our program. A MuJoCo contact does so only up to
-# the overlap $D/2$. So in the left chart even its *one-step contact*, so stiff that it stops the ball within a step,
-# lets balls through from half the speed at which ours does: $D/2$ replaces $D$. Nothing gets through if the impact is
-# an event in the step:
+# The formula assumes that *every* overlap sends the ball back, as in our program when it checks once per step. A MuJoCo
+# contact does so only up to the overlap $D/2$, so $D/2$ replaces $D$ in the formula. The left chart shows it for the
+# *one-step contact*, which is stiff enough to stop the ball within a step: balls get through it at half the speed.
+# Nothing gets through if the program finds the time of impact within the step (*impact as an event*):
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
 # In the right chart, a smaller step helps the one-step contact only. The default contact lets the ball sink in by its
-# speed times 7.29 ms, at any step. (Its *time constant*, the first number of `solref`, sets how soft it is.)
+# speed times 7.29 ms, at any step.
 # %% jupyter={"source_hidden": true}
 figures(
     read("tunnelling").replace(" (theory)", ""),
@@ -1622,15 +1625,14 @@ predict("impacts_at_rest")
 # MuJoCo's *spring*, which we tuned to bounce, chatters too. It starts to push only in the step *after* the one that
 # ended below the floor. By then gravity has given the box the speed $gh$. On MuJoCo's default contact a box lies still.
 #
-# The longest bar of the chart has a third reason, the error of semi-implicit flight. A hop that starts with the speed
-# $v$ moves with its *final* velocity, so after the time $s$ its height is $s\,(v-gs)$. It is back on the floor at
-# $s = v/g$, just when its velocity is zero. So the next impact follows at once, until the program reaches its limit of
-# impacts in the step. With the exact flight of velocity Verlet the bounces shrink until they end.
+# The longest bar of the chart below comes from the error of semi-implicit flight (explained below the chart). With the
+# exact flight of velocity Verlet the hops shrink until they are too short for the program to follow, and the box lies
+# still.
 #
 # The remedy is a **rest speed**: after a slower impact, the program sets the body to rest. If impacts are found
 # within the step, a small rest speed is enough. If impacts act only at the end of a step, it must be higher than
-# about $gh$, here 19.6 mm/s for $h$ = 2 ms. A rest speed of 10 mm/s is too low: the box of the chart moves more
-# slowly but hits more often.
+# about $gh$, here 19.6 mm/s for $h$ = 2 ms. A rest speed of 10 mm/s (0.01 m/s in the table) is too low: the box moves
+# more slowly but hits more often.
 #
 # <details><summary>How high, and when none is needed</summary>
 #
@@ -1641,6 +1643,15 @@ predict("impacts_at_rest")
 # </details>
 #
 # ![Chatter](../docs/charts/chatter.png)
+#
+# <details><summary>Why the box bounces without end in semi-implicit flight</summary>
+#
+# Semi-implicit Euler moves the box for a time $s$ with the velocity at the *end* of this time. If a hop starts with
+# the speed $v$, this velocity is $v-gs$, and the height is $s\,(v-gs)$. Both are zero at $s = v/g$. So the box is back
+# on the floor in half of the true time, and has no speed to rise again: impact follows impact, until the program
+# reaches its limit of impacts in the step.
+#
+# </details>
 # %% jupyter={"source_hidden": true}
 figures(
     read("chatter"),
@@ -1674,10 +1685,10 @@ figures(
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The simulation explodes.* Compare $h$ with the limit of your integrator, for semi-implicit Euler
-# $2/\omega_{\max}$ without damping, and less with damping from the old velocity (table above). Many springs together
-# obey $M\ddot x = -Kx$ with the mass and stiffness matrices $M$ and $K$. Here $\omega_{\max}^2$ is the largest
-# eigenvalue of $M^{-1}K$. Next, halve the step several times. If that does not help, either the step is not the
-# cause, or the integrator has no stable step.
+# $2/\omega_{\max}$ without damping, and less with damping from the old velocity (first table of this section). Many
+# springs together obey $M\ddot x = -Kx$ with the mass and stiffness matrices $M$ and $K$. Here $\omega_{\max}^2$ is
+# the largest eigenvalue of $M^{-1}K$. Next, halve the step several times. If that does not help, either the step is
+# not the cause, or the integrator has no stable step.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1727,9 +1738,8 @@ predict("perfect_energy_wrong_momentum")
 # is negative</td></tr> <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in the world
 # frame</td> <td>body rate multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the
 # world. Repeat with three equal
-# moments: there is no gyroscopic term, so an error that remains
-# comes from the wrong side. Do not start at the identity, where a steady
-# spin is the same on both sides</td>
+# moments (no gyroscopic term): if $L$ still turns, the rate stands on the wrong side. Do not start at $q = (1, 0, 0,
+# 0)$: from there, a steady spin gives the same $q$ on both sides</td>
 # <td>$q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates;
 # $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without torque</td>
 # <td>the Euler step computes the gyroscopic term from the old rates</td> <td>plot the kinetic energy over time</td>
@@ -1992,10 +2002,9 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 # many values.
 #
 # **Finite differences** change one parameter at a time, so each parameter costs one more run. But a simulation is a
-# long chain of simple operations, so the chain rule applies. **Reverse mode** (also called backpropagation or the
-# adjoint method) runs the simulation once forward, stores all its states (which costs memory), and goes through them
-# once backward. It returns the derivatives of one number, such as the error, with respect to *all* parameters, in the
-# time of a few runs.
+# long chain of simple operations, so the chain rule applies. **Reverse mode** (also called backpropagation) runs the
+# simulation once forward, stores all its states, and goes through them once backward. It returns the derivatives of
+# one number, such as the error, with respect to *all* parameters, in the time of a few runs.
 #
 # Now drop a ball from rest, at the height $H$. Its bounce depends on *when* it hits the floor. A program that handles
 # impacts only at the end of a step never computes that time. If the ball is then below the floor, the program sets its
@@ -2068,13 +2077,21 @@ for dt in (1e-2, 1e-3):
         f"end of the step, {1e3 * dt:3.0f} ms:      {naive.by_height:+.4f}   (height {naive.height:.4f} m)"
     )
 # %% [markdown]
-# MuJoCo differentiates one step by finite differences (`mjd_transitionFD`). The product over all steps is the
-# derivative of the *simulated* bounce. With a one-step contact (*impulse*) the error of this derivative does not
-# shrink with the step; with a *soft* contact it shrinks slowly. Two whole runs are better: if their drop heights
-# differ by centimetres, errors of the impact times average out. With computed impact times, two runs and reverse mode
-# (*autograd*) are both accurate. (Reverse mode pays with many parameters. PyTorch's overhead makes it slower here.)
+# With computed impact times, two runs and reverse mode (*autograd*) are both accurate. (Reverse mode is worth it if
+# there are many parameters. Here there is one, and PyTorch's overhead makes it slower.) MuJoCo does not compute impact
+# times. There, two whole runs whose drop heights differ by centimetres are better than the derivatives of its steps:
 #
 # ![Error of the derivative of a bounce against its time](../docs/charts/gradient_precision.png)
+#
+# <details><summary>MuJoCo's derivatives in the chart</summary>
+#
+# MuJoCo differentiates one step by finite differences (`mjd_transitionFD`), which gives a matrix for each step. The
+# product of these matrices is the derivative of the *simulated* bounce. With a one-step contact (*impulse*) its error
+# does not shrink with the step; with a *soft* contact it shrinks slowly. *Two runs* divides the difference of two
+# results by that of the drop heights. Each impact is late by less than a step. This matters little if the heights
+# differ by centimetres.
+#
+# </details>
 #
 # ### What a recording can tell
 #
@@ -2096,9 +2113,9 @@ print(recover(recorded, scene, guess=(0.4, 0.4, 1.0)))
 predict("what_a_drop_tells")
 # %% [markdown]
 # To check this in advance, collect the derivatives of all recorded positions with respect to the parameters in one
-# matrix, the Jacobian. If one of its singular values is zero, some small combined change of the parameters leaves no
-# trace in the recording. A drop without tilt or spin says nothing about friction or mass. A block that does not move
-# under a push gives only a lower *bound* for the friction, the push divided by the weight:
+# matrix, the Jacobian. If one of its singular values is zero, some combination of small changes of the parameters
+# leaves no trace in the recording. A drop without tilt or spin says nothing about friction or mass. A block that does
+# not move under a push gives only a lower *bound* for the friction, the push divided by the weight:
 # %% tags=["hide-code"]
 for label, poor in (
     ("a drop without tilt or spin", Setup((0.0, 0.5))),
@@ -2136,10 +2153,10 @@ more_claims(
 #
 # **Interview tip.** *Which integrator?* Give three numbers for each: order, cost per step, stability limit. Then say
 # what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and on an undamped spring needs
-# $\omega h<2$; explicit damping lowers that. In smooth bounded motion, with forces from a potential and accelerations
-# that depend on positions alone, its energy does not drift at a small fixed step. RK4 is fourth order, costs four
-# evaluations, and on the same spring needs $\omega h\le2\sqrt2$. If impacts act only at the end of a step, both are
-# of first order, so I take the cheap one. For a satellite I take RK4."
+# $\omega h<2$; damping from the old velocity lowers that. In smooth bounded motion, with forces from a potential and
+# accelerations that depend on positions alone, its energy does not drift at a small fixed step. RK4 is fourth order,
+# costs four evaluations, and on the same spring needs $\omega h\le2\sqrt2$. If impacts act only at the end of a step,
+# both are of first order, so I take the cheap one. For a satellite I take RK4."
 #
 # </div>
 #

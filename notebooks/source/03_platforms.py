@@ -149,10 +149,10 @@ Image(film.getvalue(), format="png")
 # overlap.
 #
 # **Parts creep or fall**, here with default settings: MuJoCo's part sinks slowly and steadily through a grip that
-# should hold it (over a hundred times less if the settings are fair). Drake's drops more than twice as far. Its
-# default contact is a single point on each finger, and the part turns about the line through both points until it
-# hangs below. (The picture doesn't show the turn.) PyBullet's falls freely, because its defaults reduce the friction
-# and hold the fingers back. (At this step it also falls, more slowly, if the settings are fair. Section 7 shows why.)
+# should hold it (over a hundred times less if the settings are fair). Drake's part drops more than twice as far as
+# MuJoCo's. Its default contact is a single point on each finger, and the part turns about the line through both points
+# until it hangs below. PyBullet's falls freely, because its defaults reduce the friction and hold the fingers back.
+# (At this step it also falls, more slowly, if the settings are fair. Section 7 shows why.)
 #
 # ## How this chapter works
 #
@@ -300,8 +300,8 @@ plt.show()
 # %% [markdown]
 # As long as nothing touches, the equations of motion have one solution. Two correct programs compute the same
 # acceleration up to rounding. So if they also use the same scheme, the same step and the same variables (here joint
-# angles, not the pose of each link), they make the *same error*. The scheme includes how an orientation is updated,
-# and here Drake differs from the others.
+# angles), they make the *same error*. The scheme includes how an orientation is updated, and here Drake differs from
+# the others.
 #
 # We test this with **fair settings**, as we call them. They remove damping, motors and other additions, so that each
 # engine simulates what the scene describes. They also make contacts stiff. Here are the three scenes in which nothing
@@ -327,9 +327,9 @@ for make in ("tumble", "chain", "arm"):
 #
 # The first three panels show the errors of all four engines. The last panel compares the other programs' errors with
 # ours: it shows the difference, divided by our error, for the scene in which this is largest. MuJoCo and PyBullet
-# agree with us nearly up to rounding. Drake agrees to within 0.2 %. It differs on the tumbling body only, because
-# only there an orientation is updated. The difference grows with the step and the duration, so it is smaller in the
-# claim below.
+# agree with us nearly up to rounding. Drake agrees to within 0.2 %. It differs on the tumbling body only, because only
+# there an orientation is updated. The difference grows with the step and the duration, so it is smaller in the claim
+# below, where the motions are shorter.
 #
 # The printed order is fitted over all steps. For RK4 it is fitted over the three largest steps only, the *coarse
 # end*, because rounding spoils the smallest errors. The printed errors are in rad, at 0.25 ms.
@@ -401,8 +401,8 @@ predict("out_of_the_box")
 # with.
 #
 # Second, the list sets how stiff a contact is, since no scene says so. In MuJoCo these are the settings `impratio`,
-# `solref` and `solimp`. In Drake it is the stiffness of a contact **patch**, the area on which two bodies touch
-# (section 2).
+# `solref` and `solimp`. In Drake it is the stiffness of a contact **patch**, the area on which two bodies touch. (In
+# the table, the number in Pa is the pressure in the middle of a body; see section 2.)
 #
 # The table lists each change with its reason. In `solref`, the *time constant* is the time scale on which an overlap of
 # two bodies disappears; with a *damping ratio* of 1 (*critical*), this happens without overshoot. In `solimp`, the
@@ -481,11 +481,11 @@ print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x,
 # shapes, damping, and motors that hold the joints. The inertias alone do the most harm. All three together do less,
 # since damping and motors slow the motion down.
 #
-# In Drake the cause is the contact at a point. In *brake*, it does harm only because Drake's method `lagged`, also part
-# of the fair settings, limits friction with the normal force of the step before (section 2).
+# In Drake the cause is the contact at a point. In *brake*, it does harm only together with Drake's default method
+# `lagged` (section 2), which the fair settings keep. We did not examine how.
 #
-# Only one bar points to the left: with the default pyramid, and all else fair, the tower sinks about sixty times
-# less. The pyramid alone divides the sinking by about six, and the fair `impratio` by about ten more:
+# Only one bar points to the left: with the default pyramid, and all else fair, the tower sinks about sixty times less.
+# The pyramid alone divides the sinking by about six, and the fair `impratio` by about ten more (printed below).
 #
 # <details><summary>Why the pyramid's tower sinks less</summary>
 #
@@ -569,10 +569,12 @@ for label, engine, how in (
 #
 # Without contact there is one right answer. With contact, each engine solves a different problem, on purpose. An ideal
 # rigid body doesn't deform, so its contact force can't be computed from positions, as the force of a spring can.
-# MuJoCo and Drake therefore soften the contact. PyBullet and our code keep it rigid. Then many splits of the load over
-# the four corners of a box can satisfy Coulomb's law, and each solver takes the one at which it ends. The simulation
-# below shows the tower of five cubes, with the engines as shipped. Drake's contact is then at a point. Its tower
-# falls, and its curve leaves the picture:
+# MuJoCo and Drake therefore soften the contact. PyBullet and our code keep it rigid. (PyBullet's tower sinks a little
+# all the same, see section 7.) Then many splits of the load over the four corners of a box can satisfy Coulomb's law,
+# and each solver takes the one that it happens to reach.
+#
+# The simulation below shows the tower of five cubes, with the engines as shipped. Drake's contact is then at a point.
+# Its tower falls, and its curve leaves the picture:
 
 # %%
 simulation("platforms", "Collapsing tower")
@@ -589,7 +591,7 @@ simulation("platforms", "Collapsing tower")
 # Time: with contact it runs Python at every step (without, its loops are compiled)</td></tr> </table>
 #
 # A **point contact** applies a force at each of a few points. Between two boxes, Drake finds a single point, which
-# can't resist tipping.  A **hydroelastic contact** assumes a pressure inside each body, which grows towards its
+# can't resist tipping. A **hydroelastic contact** assumes a pressure inside each body, which grows towards its
 # middle. Between two such bodies, the contact patch is the surface on which both pressures are equal. On a rigid
 # ground, as here, it is the part of the ground's surface that is inside the body. Drake integrates the pressure over
 # this patch (Elandt and others, IROS 2019). A patch resists tipping, and its force changes smoothly.
@@ -672,10 +674,10 @@ more_claims("drake_guarantees", "opened")
 # the cheapest. Then say how close the decision was: which limit would have to change, and how far, before you would
 # pick another engine?
 #
-# Most facts come from two charts. The first has ten scenes on four engines at 1 ms. A point shows the error divided
-# by the tolerance of its scene, so below 1 is good enough. (Values below 1e-8 are drawn at 1e-8.) The lower panel
-# shows the computing time divided by MuJoCo's. It includes the calls from Python: one per motion, but one per step in
-# PyBullet (section 6). In chain and arm, MuJoCo's contacts are switched off, which makes it about a tenth cheaper.
+# Most facts come from two charts. The first has ten scenes on four engines at 1 ms. A point shows the error divided by
+# the tolerance of its scene, so below 1 is good enough. (Values below 1e-8 are drawn at 1e-8.) The lower panel shows
+# the computing time divided by MuJoCo's. It includes the calls from Python: one for the whole motion, but in PyBullet
+# one per step (section 6). In chain and arm, MuJoCo's contacts are switched off, which makes it about a tenth cheaper.
 #
 # ![Error divided by tolerance of ten scenes, fair and as shipped, and their cost](../docs/charts/platforms_table.png)
 
@@ -733,9 +735,9 @@ print_figures(
 # * whether a single `pip install` brings the engine;
 # * *faults reported*: the share of faulty models that the engine rejects or warns about (section 7).
 #
-# The other four need something that we did not measure. We rank the engines that meet all needs by their cost in one
-# scene, which we chose for each job. *Decided by* lists the needs that some engine misses, and then this cost. (RL is
-# reinforcement learning, PhysX the engine of Isaac Sim.)
+# The other four need something that we did not measure. We rank the engines that meet all needs by their cost in a
+# scene chosen for each job. *Decided by* lists the needs that some engine misses, and then this cost. (A *world* is
+# one complete copy of a scene. RL is reinforcement learning, PhysX the engine of Isaac Sim.)
 
 # %%
 facts = jobs.facts()
@@ -789,10 +791,9 @@ more_claims(
 # Many tools need an NVIDIA GPU and can't run here. Two of their contact solvers are PGS and TGS.
 #
 # **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse (force times step)
-# that satisfies this contact alone, and go on to the next. **PGS**
-# (projected Gauss-Seidel) also clips each impulse: no contact may pull, and friction must stay within its limit.
-# **TGS** (temporal Gauss-Seidel) divides the time step into small substeps and does one sweep in each, with updated
-# positions.
+# that satisfies this contact alone. **PGS** (projected Gauss-Seidel) also clips each impulse: no contact may pull, and
+# friction must stay within its limit. **TGS** (temporal Gauss-Seidel) divides the time step into small substeps and
+# does one sweep in each, with updated positions.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(8.6, 1.9), layout="constrained", sharey=True)
@@ -947,9 +948,9 @@ predict("five_numbers")
 # %% [markdown]
 # The simulation's radar chart has five axes, measured with fair settings. (The switch for the settings doesn't change
 # it.) In the table, *centre* is the measured value that is drawn at the centre of the chart, and *end* the value at
-# the end of the axis. The other columns say where each engine lies between centre (0) and end (1). The first four
-# axes are logarithmic and show a median over several scenes. *Smooth accuracy* compares engines at equal computing
-# time, so the fastest step wins.
+# the end of the axis. The other columns say where each engine lies between centre (0) and end (1). The first four axes
+# are logarithmic and show a median over several scenes. For *smooth accuracy*, each engine gets the computing time
+# that MuJoCo needs at 1 ms. So an engine with cheap steps can take shorter ones.
 
 # %% tags=["hide-code"]
 MEASURED = (
@@ -979,7 +980,8 @@ table(
 #
 # *Speed in contact* is the cost of a step relative to MuJoCo's. *Largest step* is the largest step [s] that stays
 # within the tolerance; if none that we tried does, the value is at the centre. *Honesty* is the share of faulty models
-# that the engine rejects or warns about; two of these files are ones that URDF allows (section 7).
+# that the engine rejects or warns about; two of these files are ones that URDF allows (section 7). No order of the axes
+# changes the ranking of these four engines by area. With other values, one can.
 #
 # </details>
 #
@@ -1014,8 +1016,7 @@ for ax, order in zip(axes, (orders[0], orders[-1]), strict=True):
 plt.show()
 
 # %% [markdown]
-# The measured values are the same, but one area changed by nearly a third. (Here no order changes the ranking of the
-# engines by area. With other values, one can.) Read the values on the axes, not the area.
+# The measured values are the same, but one area changed by nearly a third. Read the values on the axes, not the area.
 
 # %%
 more_claims("radar_area")
@@ -1034,8 +1035,9 @@ Markdown(
 )
 
 # %% [markdown]
-# If a misspelt setting were ignored silently, you would measure something else than you think. So all arguments are
-# checked. The cell makes four mistakes. (The third requests RK4 in *brake*. With contact, our code doesn't have it.)
+# If a wrong argument were ignored silently, you would measure something else than you think. So all arguments are
+# checked. The cell makes four mistakes: an unknown setting, a negative step, RK4 with contact (which our code doesn't
+# have), and `True` as a limit.
 
 # %%
 for attempt in (
@@ -1055,7 +1057,8 @@ for attempt in (
 # This is nearly the shortest useful model: two links, two hinges, two motors. The cell runs it three times under
 # gravity, with the same constant commands, 0.5 for the shoulder and -0.3 for the elbow. The first run is the model as
 # it is. The second adds damping (0.3 N m s/rad) and joint limits (150 degrees). The third also replaces each motor
-# with a **servo**, a motor with a controller for the angle ($k_p = 40$ N m/rad, $k_v = 2$ N m s/rad).
+# with a **servo**, a motor with a controller for the angle. MuJoCo's servo is called **position actuator** ($k_p = 40$
+# N m/rad, $k_v = 2$ N m s/rad).
 
 # %% tags=["show-code"]
 MJCF = """<mujoco model="two links">
@@ -1098,9 +1101,9 @@ plt.show()
 # command. The command of a `motor` is a torque. A constant torque keeps doing work, and nothing takes the energy away.
 # A real joint has friction and end stops.
 #
-# The third model uses a **position actuator**, which is MuJoCo's servo. It computes the torque $\tau =
-# k_p\,(q_\mathrm{ref} - q) - k_v\,\dot q$ from the command $q_\mathrm{ref}$, the angle $q$ and its rate $\dot q$. The
-# same command 0.5 now means an angle of 0.5 rad instead of a torque of 0.5 N m. So always ask what unit a command has.
+# The position actuator of the third model computes the torque $\tau = k_p\,(q_\mathrm{ref} - q) - k_v\,\dot q$ from
+# the command $q_\mathrm{ref}$, the angle $q$ and its rate $\dot q$. The same command 0.5 now means an angle of 0.5 rad
+# instead of a torque of 0.5 N m. So always ask what unit a command has.
 
 # %%
 show("motor_is_torque")
@@ -1111,7 +1114,7 @@ show("motor_is_torque")
 # $10^{-5}\,\mathrm{kg\,m^2}$ adds $0.1\,\mathrm{kg\,m^2}$, often more than the link itself. In MJCF it is the joint's
 # attribute `armature`. A URDF has no entry for it.
 #
-# A servo of this kind also has a weakness. At rest $\dot q$ is zero, so its torque is zero unless the angle differs
+# A position actuator has a weakness. At rest $\dot q$ is zero, so its torque is zero unless the angle differs
 # from the command. So under a load, the joint rests a little beside its command.
 
 # %%
@@ -1153,7 +1156,7 @@ for preset, (scene, card_, fair) in {
 # %% [markdown]
 # Readouts: *ends apart* is the largest distance between the final positions of any two engines; *area of the five* is
 # the area of the radar polygon as a share of the full pentagon. *Cost of a step* is relative to MuJoCo's fair step.
-# It was timed over many steps, so it differs from section 3's cost.
+# It was timed over many steps, and partly in other scenes, so it differs from section 3's cost.
 #
 # ## 6 · Speed against accuracy
 #
@@ -1183,8 +1186,16 @@ print_figures(
 # arm's tolerance, Euler costs over three times as much as RK4. On this short chain, both cost about the same.
 #
 # In these two scenes with contact, each engine meets the tolerance at 8 ms. So the cheapest step wins, which is
-# MuJoCo's. But above 2.5 ms, MuJoCo's fair `solref` is two steps, so its contacts are softer than in section 3, and
-# its curve mixes step and softness.
+# MuJoCo's.
+#
+# <details><summary>MuJoCo's curve at large steps, and how we called PyBullet</summary>
+#
+# Above 2.5 ms, the time constant in MuJoCo's fair `solref` is two steps, so its contacts are softer than in section 3.
+# There its curve mixes step and softness.
+#
+# We called PyBullet once per step, without its option `numSubSteps`, which makes several equal steps in one call.
+#
+# </details>
 #
 # ### How the cost grows with the scene
 #
@@ -1209,13 +1220,12 @@ print_figures(
 # cubes, their cost grew faster than the number of cubes.
 #
 # The last panel shows a trap: with one call from Python per step, Python's share of the time can be larger than that
-# of the physics. MuJoCo, Drake and our code can take many steps in one call. The panel shows how much time 100 steps
-# per call save: with one link about half or more, and in our compiled loop nearly all.
+# of the physics. MuJoCo, Drake and our code can take many steps in one call. The panel shows which share of a step's
+# time you save with 100 steps per call: with one link about half or more, and in our compiled loop nearly all.
 #
-# We called PyBullet once per step. (We didn't use its option `numSubSteps`, which makes several equal steps in one
-# call.) PyBullet's dashed curve and the last printed line show something else: the time of a step in an *empty* world
-# as a share of a full step. Python's share is smaller, since an empty step includes fixed work inside Bullet. So on a
-# small scene, a measured rate says little about how fast the engine moves bodies.
+# We called PyBullet once per step. PyBullet's dashed curve and the last printed line show something else: the time of
+# a step in an *empty* world as a share of a full step. Python's share is smaller, since an empty step includes fixed
+# work of the engine itself. So on a small scene, a measured rate says little about how fast the engine moves bodies.
 #
 # On scenes like these, for smooth motion with a tight tolerance, take RK4 in MuJoCo or our code, unless strong
 # damping forces short steps. If bodies may sink by 1 mm during your task, take MuJoCo, at the largest step that
@@ -1354,9 +1364,9 @@ predict("part_that_sinks")
 # %% [markdown]
 # How fast does the part creep? MuJoCo's solver chooses the friction force. In a rigid contact, it would make any
 # sliding speed $v$ die out: $\dot v = -b\,v$, where the rate $b$ [1/s] follows from `solref`. In a soft contact, the
-# sliding misses this aim in the direction of the load, by $R_t f_t$: $\dot v = -b\,v + R_t f_t$. Here $f_t$ is the
-# size of the friction force, and $R_t$ [1/kg] is the **compliance** of the contact, its softness. So steady creep
-# remains ($\dot v = 0$): friction carries the load $f_t$ while the contact slides at the speed $v = R_t\,f_t/b$.
+# acceleration is larger than this, by $R_t f_t$ in the direction of the load: $\dot v = -b\,v + R_t f_t$. Here $f_t$
+# is the size of the friction force, and $R_t$ [1/kg] is the **compliance** of the contact, its softness. So steady
+# creep remains ($\dot v = 0$): friction carries the load $f_t$ while the contact slides at the speed $v = R_t\,f_t/b$.
 #
 # A harder contact (set by `solimp`) has a smaller compliance, lighter bodies have a larger one, and the option
 # `impratio` divides it. The chart also shows **noslip** with 3 iterations, a second pass after the solver that reduces
@@ -1376,10 +1386,12 @@ print_figures(
 
 # %% [markdown]
 # For the elliptic cone, the law agrees with the simulation to many digits over a factor of 300 in `impratio`, as long
-# as all corners of the body carry load. (In the chart, MuJoCo has its default `solref` and `solimp`, and for *noslip*
-# also its default cone and `impratio`. Drake and PyBullet have fair settings.)
+# as all corners of the body carry load.
 #
-# <details><summary>A question of MuJoCo's users</summary>
+# <details><summary>Settings in the chart, and a question of MuJoCo's users</summary>
+#
+# In the chart, MuJoCo has its default `solref` and `solimp`, and for *noslip* also its default cone and `impratio`.
+# Drake and PyBullet have fair settings. The block lies on a slope of 0.1 rad.
 #
 # The law answers a question of 2026 (MuJoCo's issue 3328): a part, pinched with several times the
 # force it needs, sank at 155 µm/s, in proportion to 1/`impratio`. This is the law of creep, not a bug. The part sinks
@@ -1426,8 +1438,8 @@ for name, share in least.items():
 # PyBullet has no threshold at 1 ms: it carries the part at some squeezes, and lets it fall at a larger one. Even a
 # carried part isn't always held. With 3 N, 1.5 times the smallest force, the part sank by 3 cm in half a second
 # (section 3). The reason is that PyBullet's sweeps end with most of the force on one corner of a finger. Coulomb's
-# law leaves open how four corners share the squeeze. But with little force on them, friction at the other corners is
-# too weak, and the part turns about the loaded one.
+# law leaves open how four corners share the squeeze. But the three other corners carry little force. So their friction
+# is too weak, and the part turns about the loaded corner.
 #
 # At 2 ms and more, PyBullet has a threshold, too. But a part that it carries at 2 ms can still turn and sink (card
 # below). As shipped, PyBullet lets the part fall at every squeeze: default motors hold the fingers back.
@@ -1464,8 +1476,10 @@ print("equal springs          ", "".join(f"{theory.sag_growth(n):8g}" for n in (
 # MuJoCo's tower sinks in proportion to $n^2$ instead. In MuJoCo, the softness of a contact is proportional to
 # $1/m_1+1/m_2$, where $m_1$ and $m_2$ are the masses of its two bodies. The ground doesn't move, so its mass counts
 # as infinite and adds nothing. So a contact between two equal cubes is twice as soft as the one on the ground, and
-# the sum becomes $n + 2\,(1 + \dots + (n-1)) = n^2$. Drake's patches follow $n^2$, too, since its ground is rigid:
-# there only one of two bodies yields. PyBullet's tower doesn't (right panel).
+# the sum becomes $n + 2\,(1 + \dots + (n-1)) = n^2$.
+#
+# Drake's patches follow $n^2$, too: on its rigid ground only the cube yields, between two cubes both do. PyBullet's
+# tower follows no such law (right panel). Its contacts should be rigid. We did not examine why they sink a little.
 
 # %%
 show("tower_by_engine")
@@ -1526,14 +1540,14 @@ world.close()
 print_figures("platform_joints", "limit, MuJoCo:", "limit, PyB", "mimic, MuJoCo:")
 
 # %% [markdown]
-# MuJoCo's limits and copies are soft springs. Its rod passes the limit by about $v\,T/e$ at any step: $v$ is the speed
-# at the impact, $T$ the spring's time constant (*stiffer* has a shorter one). PyBullet notices the limit up to one step
-# late, so its rod passes it by up to $v\,h$. Drake's rod stops at the limit. Our own code has neither limits nor
-# copies.
+# MuJoCo's limits and copies are soft springs. Its rod passes the limit by about $v\,T/e$ at any step. Here $v$ is the
+# speed at the impact, $T$ the time constant of the spring (*stiffer* has a shorter one), which is critically damped,
+# and $e \approx 2.72$. PyBullet notices the limit up to one step late, so its rod passes it by up to $v\,h$. Drake's
+# rod stops at the limit. Our own code has neither limits nor copies.
 #
-# PyBullet's reader drops the copy without a message. The lower right panel shows joint 1, which the copy also pulls:
-# with MuJoCo's soft copy, joint 1 stays 2 mrad off the truth even at short steps. After loading a file, drive each
-# joint into its stops, and check each copy.
+# PyBullet's reader drops the copy without a message. (*PyBullet with a gear* has it put back by hand.) The lower right
+# panel shows joint 1, which the copy also pulls: with MuJoCo's soft copy, joint 1 stays 2 mrad off the truth even at
+# short steps. After loading a file, drive each joint into its stops, and check each copy.
 #
 # <details><summary>What each engine does, and the cures</summary>
 #
@@ -1557,15 +1571,15 @@ more_claims("limit_is_a_wall")
 # often after an export. A good reader rejects them or warns. If it *swallows* the fault, you simulate nonsense. Just
 # as bad is a **silent repair**: the model runs, and isn't the one in your file.
 #
-# The chart shows what five readers do with such files: our own (*chapter 4*, which explains it), the three engines',
-# and that of Pinocchio, a library for robot dynamics. A wide blue bar counts the files that a reader refused or
-# warned about. The narrow orange bar counts those that it swallowed or repaired silently, and those that made it
+# The chart shows what five readers do with such files: our own (*chapter 4* in the chart, explained there), the three
+# engines', and that of Pinocchio, a library for robot dynamics. A wide blue bar counts the files that a reader refused
+# or warned about. The narrow orange bar counts those that it swallowed or repaired silently, and those that made it
 # crash.
 #
-# The upper right panel is about files that break the format. It includes two files that URDF allows: a link without
-# mass and inertia (element `inertial`), and one with zero inertia. We count them as faults because here the link moves.
-# The lower panel is about valid files: which features does a reader keep, and which does it lose? (The rest of the six
-# it refused, or warned about.)
+# The upper right panel is about files that break the format, and two more that URDF allows: a link without mass and
+# inertia (element `inertial`), and one with zero inertia. We count these two as faults because here the link moves. The
+# lower panel is about six valid files: which features does a reader keep, and which does it lose? (A file that is in
+# neither bar was refused, or the reader warned.)
 #
 # <details><summary>The names of the faults</summary>
 #
@@ -1693,9 +1707,9 @@ simulation("platforms", "Sinking grasp")
 #
 # In December 2024, Genesis, an engine for GPUs, was announced with tens of millions of steps per second. Users took
 # the benchmark apart in its issue 181: the robot received one action and then none, and collisions with itself were
-# off. With more accurate settings, self-collision and random actions, the maintainers' own table went from 14.5 to
-# 1.2 million. So three things changed at once. The effect of contacts is easy to show: where nothing touches, a step
-# is cheap, and cheaper still if the engine needn't look for contacts.
+# off. With more accurate settings, self-collision and random actions, the maintainers' own table went from 14.5
+# million to 1.2 million. The effect of contacts is easy to show: where nothing touches, a step is cheap, and cheaper
+# still if the engine needn't look for contacts.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 from time import process_time
@@ -1863,7 +1877,7 @@ answer("braking_short", "v*dt/2")
 # ## 9 · Frontier: many worlds, several solvers
 #
 # The newest engines run thousands of worlds at once on a GPU, and let you exchange the solver. We measured none of
-# them: their speed on a CPU would mislead.
+# them: they are made for a GPU, and their speed on a CPU would mislead.
 #
 # <details><summary>MuJoCo Warp, Newton and Isaac Lab, by their documents</summary>
 #
@@ -1929,7 +1943,7 @@ for (name, settings), one in reach.items():
 # $2\,\omega m$.
 #
 # In the cell, the simulated arm has lost its damping. Each row has another $d$, the damping in which the controller
-# believes. (The reach lasts 3 s instead of 1.5 s, so don't compare the errors.) In the first reach, the arm really had
+# believes. (The reach lasts 3 s instead of 1.5 s, so don't compare the errors.) In the cell before, the arm really had
 # the damping in which the controller believed. This was far more than the limit, and did no harm:
 
 
