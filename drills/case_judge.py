@@ -367,8 +367,8 @@ def one_part_right(attempt: Attempt, answers: Sequence[Answer], names: Sequence[
     always = f"Right in every case: {listed(right, 'and')}."
     # Where parts are mostly wrong, they are named, and not what is wrong now and then beside them.
     if wrong:
-        look = "Look for the mistake where only the latter is computed."
-        return f"{always} Wrong: {listed(wrong, 'and')}. {look}"
+        hint = "Look for the mistake where only the latter is computed."
+        return f"{always} Wrong: {listed(wrong, 'and')}. {hint}"
     count = int((~table.all(axis=1)).sum())
     return (
         f"{always} Wrong in {count} of {len(answers)} cases: {listed(at_times, 'and')}. Look for "

@@ -643,8 +643,8 @@ def _instead_of_call(node: ast.Call) -> Iterator[tuple[str, ast.expr]]:
     args = node.args
     if name == "clip" and len(args) == 3:
         yield "without one limit to a range", args[0]
-        for i, kept in ((1, "minimum"), (2, "maximum")):
-            func = ast.Attribute(ast.Name("np", ast.Load()), kept, ast.Load())
+        for i, function in ((1, "minimum"), (2, "maximum")):
+            func = ast.Attribute(ast.Name("np", ast.Load()), function, ast.Load())
             yield "without one limit to a range", ast.Call(func, [args[0], args[3 - i]], [])
     elif len(args) == 2 and not node.keywords:
         yield "if two arguments of a function are swapped", ast.Call(node.func, args[::-1], [])

@@ -57,7 +57,7 @@ class Wrong:
     truth: Array
 
     @property
-    def off(self) -> Array:
+    def error(self) -> Array:
         """What came back minus what is right."""
         return self.got - self.truth
 
@@ -65,7 +65,7 @@ class Wrong:
     def wrong(self) -> NDArray[np.bool_]:
         """Which numbers are wrong."""
         scale = max(1.0, float(np.max(np.abs(self.truth), initial=0.0)))
-        return np.asarray(np.abs(self.off) > AGREES * scale)
+        return np.asarray(np.abs(self.error) > AGREES * scale)
 
 
 def form(attempt: Attempt) -> tuple[str, str]:
@@ -78,13 +78,13 @@ def division(attempt: Attempt) -> tuple[str, str]:
     return _first(attempt, _division)
 
 
-Said = tuple[str, str] | None
+Finding = tuple[str, str] | None
 
 
 def _first(
-    attempt: Attempt, say: Callable[[Sequence[Wrong], Sequence[Wrong], str], Said]
+    attempt: Attempt, search: Callable[[Sequence[Wrong], Sequence[Wrong], str], Finding]
 ) -> tuple[str, str]:
-    """Return the first that is said of a result of the function."""
+    """Return the first sentence on a result of the function, with its name, or two times ""."""
     answers: list[Answer] = attempt.answers
     returns = [v.name for v in attempt.card.signatures[0].returns]
     names = [v.name for v in attempt.card.signatures[0].arguments]
@@ -100,26 +100,26 @@ def _first(
             wrong = [row for a, row in zip(answers, rows, strict=True) if not a.right[i]]
             if not wrong or not all(row.wrong.any() for row in wrong):
                 continue
-            if result := say(right, wrong, f"`{name}`" if len(returns) > 1 else "the result"):
+            if result := search(right, wrong, f"`{name}`" if len(returns) > 1 else "the result"):
                 return result
     return "", ""
 
 
-def _form(right: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Said:
+def _form(right: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Finding:
     in_every = f"In every case that is wrong, {what}"
-    found = (
+    result = (
         _same([*right, *wrong], wrong, what)
         or _term(wrong, in_every)
         or _factor(wrong, in_every)
-        or _kept(wrong, in_every)
+        or _preserved(wrong, in_every)
         or _place(wrong, in_every)
     )
-    if found and (where := _condition(right, wrong, what)):
-        return found[0], f"{found[1]} {where[1]}"
-    return found
+    if result and (where := _condition(right, wrong, what)):
+        return result[0], f"{result[1]} {where[1]}"
+    return result
 
 
-def _division(right: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Said:
+def _division(right: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Finding:
     return (
         _condition(right, wrong, what)
         or _condition_of_numbers([*right, *wrong], wrong, what)
@@ -140,7 +140,7 @@ def _numeric(names: Sequence[str], a: Answer) -> Named:
     return result
 
 
-def _same(rows: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Said:
+def _same(rows: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Finding:
     """Return a sentence on a result that never changes."""
     if len(wrong) < FEWEST:
         return None
@@ -175,8 +175,10 @@ def _scalars(row: Wrong) -> Named:
 
 def _terms(rows: Sequence[Wrong]) -> Iterator[tuple[str, list[Array]]]:
     """Yield products of arguments, in code, with their values in each case."""
-    found = [_scalars(row) for row in rows]
-    scalars = {n: [one[n] for one in found] for n in found[0] if all(n in one for one in found)}
+    per_case = [_scalars(row) for row in rows]
+    scalars = {
+        n: [one[n] for one in per_case] for n in per_case[0] if all(n in one for one in per_case)
+    }
     powers = dict[str, list[Array]]()
     for name, values in scalars.items():
         for p in POWERS:
@@ -238,25 +240,25 @@ def _varies(terms: Sequence[Array]) -> bool:
     return len(numbers) >= FEWEST
 
 
-def _term(wrong: Sequence[Wrong], in_every: str) -> Said:
+def _term(wrong: Sequence[Wrong], in_every: str) -> Finding:
     """Return a sentence on what came back, or its error, as one product of arguments."""
     if len(wrong) < FEWEST:
         return None
-    off, got = [row.off for row in wrong], [row.got for row in wrong]
+    errors, got = [row.error for row in wrong], [row.got for row in wrong]
     if not _varies(got):
         return None
     for text, terms in _terms(wrong):
         if not text:
-            if factor := _multiple(off, terms):
+            if factor := _multiple(errors, terms):
                 sign = "plus" if factor > 0.0 else "minus"
                 return "term_of_arguments", (
                     f"{in_every} is the right one {sign} {abs(factor):.6g}: a constant is missing "
                     "or one too many."
                 )
             continue
-        if not _varies(off) or not _varies(terms):
+        if not _varies(errors) or not _varies(terms):
             continue
-        if factor := _multiple(off, terms):
+        if factor := _multiple(errors, terms):
             sign = "plus" if factor > 0.0 else "minus"
             return "term_of_arguments", (
                 f"{in_every} is the right one {sign} `{_times(abs(factor), text)}`: look for this "
@@ -276,7 +278,7 @@ def _times(factor: float, text: str) -> str:
     return f"{factor:.6g}/{text[2:]}" if text.startswith("1/") else f"{factor:.6g}*{text}"
 
 
-def _factor(wrong: Sequence[Wrong], in_every: str) -> Said:
+def _factor(wrong: Sequence[Wrong], in_every: str) -> Finding:
     """Return a sentence on what came back as the right result times something."""
     if len(wrong) < FEWEST:
         return None
@@ -310,7 +312,7 @@ def _factor(wrong: Sequence[Wrong], in_every: str) -> Said:
 # --- What is right although the numbers are not ---------------------------------------------------
 
 
-def _kept(wrong: Sequence[Wrong], in_every: str) -> Said:
+def _preserved(wrong: Sequence[Wrong], in_every: str) -> Finding:
     """Return a sentence on a property of the right result that the wrong ones have too."""
 
     def all_near(a: Sequence[Array], b: Sequence[Array]) -> bool:
@@ -325,7 +327,7 @@ def _kept(wrong: Sequence[Wrong], in_every: str) -> Said:
     if all_near([np.abs(x) for x in got], [np.abs(x) for x in truth]):
         return "signs_only", f"{in_every} has the right numbers, and only signs are wrong."
     for turn, word in TURNS:
-        turns = [row.off / turn for row in wrong]
+        turns = [row.error / turn for row in wrong]
         moved = all(np.rint(x[row.wrong]).all() for x, row in zip(turns, wrong, strict=True))
         if moved and all_near([np.rint(x) for x in turns], turns):
             return "whole_turns", (
@@ -344,7 +346,7 @@ def _kept(wrong: Sequence[Wrong], in_every: str) -> Said:
     return None
 
 
-def _place(wrong: Sequence[Wrong], in_every: str) -> Said:
+def _place(wrong: Sequence[Wrong], in_every: str) -> Finding:
     """Return a sentence on the one place in an array at which it is wrong."""
     masks = [row.wrong for row in wrong]
     if len(wrong) < FEWEST or any(mask.ndim not in (1, 2) for mask in masks):
@@ -426,25 +428,25 @@ def _divides(
 
 def _no_chance(count_wrong: int, count_right: int, features: int) -> bool:
     """Return whether a limit hardly divides so many by chance, whatever the feature."""
-    ways = math.comb(count_wrong + count_right, count_wrong)
-    return 2 * features <= CHANCE * ways
+    divisions = math.comb(count_wrong + count_right, count_wrong)
+    return 2 * features <= CHANCE * divisions
 
 
-def _condition(right: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Said:
+def _condition(right: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Finding:
     """Return a sentence on the one feature that divides the wrong cases from the right ones."""
-    found = [[_features(row) for row in rows] for rows in (wrong, right)]
-    common = set.intersection(*(set(one) for rows in found for one in rows)) if right else set()
+    features = [[_features(row) for row in rows] for rows in (wrong, right)]
+    common = set.intersection(*(set(one) for rows in features for one in rows)) if right else set()
     if not common or not _no_chance(len(wrong), len(right), len(common)):
         return None
-    for feature in (name for name in found[0][0] if name in common):
-        values = [np.array([one[feature] for one in rows]) for rows in found]
+    for feature in (name for name in features[0][0] if name in common):
+        values = [np.array([one[feature] for one in rows]) for rows in features]
         sentence = _divides(values[0], values[1], _upper(what), feature)
         if sentence:
             return "one_condition", f"{sentence} Look at what your code does differently there."
     return None
 
 
-def _condition_of_numbers(rows: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Said:
+def _condition_of_numbers(rows: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Finding:
     """Return a sentence on what divides the wrong numbers of an array from the right ones."""
     if len(wrong) < FEWEST or any(row.truth.ndim == 0 for row in rows):
         return None
@@ -471,33 +473,33 @@ def _condition_of_numbers(rows: Sequence[Wrong], wrong: Sequence[Wrong], what: s
     return None
 
 
-def _side(right: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Said:
+def _side(right: Sequence[Wrong], wrong: Sequence[Wrong], what: str) -> Finding:
     """Return a sentence on wrong numbers that all lie on one side of the right ones."""
-    off = np.concatenate([row.off[row.wrong] for row in wrong])
+    errors = np.concatenate([row.error[row.wrong] for row in wrong])
     truth = np.concatenate([row.truth[row.wrong] for row in wrong])
     numbers = np.concatenate([row.truth.ravel() for row in (*right, *wrong)])
-    got = truth + off
+    got = truth + errors
     if set(np.unique(numbers)) <= {0.0, 1.0} and set(np.unique(got)) <= {0.0, 1.0}:
-        if len(wrong) >= FEWEST and (np.all(off > 0.0) or np.all(off < 0.0)):
-            found, asked = (1, 0) if off[0] > 0.0 else (0, 1)
+        if len(wrong) >= FEWEST and (np.all(errors > 0.0) or np.all(errors < 0.0)):
+            returned, expected = (1, 0) if errors[0] > 0.0 else (0, 1)
             return "one_sided", (
-                f"Every wrong number in {what} is {found} where {asked} is right, and none is "
-                f"{asked} where {found} is right: a condition is too "
-                f"{'wide' if found else 'narrow'}."
+                f"Every wrong number in {what} is {returned} where {expected} is right, and none "
+                f"is {expected} where {returned} is right: a condition is too "
+                f"{'wide' if returned else 'narrow'}."
             )
         return None
     if len(wrong) < SIDED:
         return None
     sides = {
-        "too large": np.all(off > 0.0),
-        "too small": np.all(off < 0.0),
-        "too far from zero": np.all(off * truth > 0.0),
-        "too close to zero, or beyond it": np.all(off * truth < 0.0),
+        "too large": np.all(errors > 0.0),
+        "too small": np.all(errors < 0.0),
+        "too far from zero": np.all(errors * truth > 0.0),
+        "too close to zero, or beyond it": np.all(errors * truth < 0.0),
     }
     for word, holds in sides.items():
         if holds:
             nonzero = truth != 0.0
-            share = np.abs(off[nonzero] / truth[nonzero])
+            share = np.abs(errors[nonzero] / truth[nonzero])
             amount = (
                 f", by {100.0 * share.min():.3g} % to {100.0 * share.max():.3g} %"
                 if nonzero.all() and share.max() < 10.0

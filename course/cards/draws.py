@@ -152,11 +152,11 @@ class Verdict:
     def grade(self, text: str) -> Graded:
         """Return whether a verdict is right: `true`, `false` or `only if`."""
         typed = "only" if "only" in text.lower() else text.lower()
-        meant = [verdict for word, verdict in _VERDICTS.items() if word.startswith(typed)]
-        if len(meant) != 1:
+        matching = [verdict for word, verdict in _VERDICTS.items() if word.startswith(typed)]
+        if len(matching) != 1:
             message = f"Not graded: {text!r} is none of `true`, `false`, `only if`."
             return Graded(False, message, message)
-        right = meant[0] == self.verdict
+        right = matching[0] == self.verdict
         head = "Right." if right else "Not right."
         plain = f"{head} The verdict is: {self.verdict}."
         return Graded(right, plain, f"**{head}** {self.why()}")
@@ -335,8 +335,8 @@ def pool(topic: str) -> tuple[Question, ...]:
         for item in mine
         if item.formula is not None
     ]
-    asked = [Verdict(item.id, verdicts[item.file][item.id]["verdict"]) for item in mine]
-    return (*formulas, *asked, *estimates(topic))
+    judged = [Verdict(item.id, verdicts[item.file][item.id]["verdict"]) for item in mine]
+    return (*formulas, *judged, *estimates(topic))
 
 
 def draw(topic: str, seed: int) -> list[Question]:

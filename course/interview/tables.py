@@ -166,8 +166,8 @@ def reading() -> Table:
             named = f"{entry['name']}: " if "name" in entry else ""
             cited = named + ", ".join(str(result[k]) for k in ("authors", "title", "year", "venue"))
             serves = "; ".join(_numbered(place) for place in entry["serves"])
-            found = f"github.com/{entry['name']}" if kind == "repository" else link(entry["work"])
-            rows.append((cited, found, entry["says"], serves))
+            address = f"github.com/{entry['name']}" if kind == "repository" else link(entry["work"])
+            rows.append((cited, address, entry["says"], serves))
     return Table("Reading", ("What", "Link", "It says", "Where in this course"), tuple(rows))
 
 

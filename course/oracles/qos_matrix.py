@@ -354,7 +354,7 @@ def _is_empty(reader: Any) -> bool:
 def event_rows() -> list[Row]:
     """Return lifespan, deadline, liveliness, ownership by strength, and order by source time."""
     rows = []
-    for lifespan, left in ((SHORT, 0), (LONG, 3), (math.inf, 3)):
+    for lifespan, expected in ((SHORT, 0), (LONG, 3), (math.inf, 3)):
         with participant() as member:
             topic = Topic(member)
             writer = topic.writer(replace(RELIABLE, lifespan=lifespan))
@@ -366,7 +366,9 @@ def event_rows() -> list[Row]:
                 until(partial(_is_empty, reader))
             result = len(take(reader))
         observed = f"looked after {3 * SHORT:g} s"
-        rows.append(Row("lifespan", f"{lifespan:g} s", observed, f"{result} of 3", f"{left} of 3"))
+        rows.append(
+            Row("lifespan", f"{lifespan:g} s", observed, f"{result} of 3", f"{expected} of 3")
+        )
     for deadline in (SHORT, LONG):
         report = missed_undisturbed(deadline, 0.12, 5)
         text = "{} events at the writer, {} at the reader"

@@ -53,11 +53,11 @@ def spheres() -> tuple[Capsule, ...]:
     arm, chain = library().panda, panda()
     rng = np.random.default_rng(0)
     postures = rng.uniform(chain.lower, chain.upper, (8, chain.n))
-    found = [arm.fk(q.tolist()) for q in postures]
-    centres = np.array([[(s.x, s.y, s.z) for s in row] for row in found])
+    spheres_of = [arm.fk(q.tolist()) for q in postures]
+    centres = np.array([[(s.x, s.y, s.z) for s in row] for row in spheres_of])
     places = [*np.moveaxis(frames(chain, postures.T)[:, : chain.n], 1, 0), tip(chain, postures.T)]
     result = []
-    for i, sphere in enumerate(found[0]):
+    for i, sphere in enumerate(spheres_of[0]):
         # Its centre in each frame, and how far it moves there from posture to posture.
         local = [
             np.einsum("jin,nj->ni", to_matrix(at[3:]), centres[:, i] - at[:3].T) for at in places

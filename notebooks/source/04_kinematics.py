@@ -1493,10 +1493,10 @@ figures(
 print_figures("damping_map", "never", "without")
 weakest = motion.SPEED / (2.0 * motion.RATE)
 for gap in (1e-2, 1e-3, 1e-4):
-    off, turn = motion.past_the_hole(weakest, gap)
+    hole_error, turn = motion.past_the_hole(weakest, gap)
     rate = turn * motion.SPEED / 0.002  # the points are 2 mm apart
     print(
-        f"{1e3 * gap:4g} mm from the hole: largest error {1e3 * off:.2f} mm, "
+        f"{1e3 * gap:4g} mm from the hole: largest error {1e3 * hole_error:.2f} mm, "
         f"fastest joint motion {rate:.2f} rad/s"
     )
 

@@ -871,12 +871,12 @@ rows = [
         "duration, corners rounded in passing",
     )
 ]
-for name, path, look in (
+for name, path, style in (
     ("from the tree", walk, {"color": BLUE}),
     ("after shortcutting", cut, {"color": ORANGE, "lw": 4}),
     ("smoothed", round_, {"color": "black", "ls": ":", "lw": 2}),
 ):
-    _ = axes[1].plot(*path, label=name, **look)
+    _ = axes[1].plot(*path, label=name, **style)
     assert check_path(scene.world, path, scene.start, scene.goal)
     if name == "smoothed":
         continue
@@ -1784,12 +1784,12 @@ rows = table(
     *(
         (
             "OMPL, points" if name.startswith("OMPL") else name,
-            f"{solved} of {asked}",
+            f"{solved} of {queries}",
             hits,
             excess,
             spent,
         )
-        for name, solved, asked, spent, excess, hits in key(
+        for name, solved, queries, spent, excess, hits in key(
             "kinodynamic_bounds",
             r"^(.+?): (\d+) of (\d+) solved, median \d+ samples and (\S+) ms; time over the lower "
             r"bound (\S+) .*; (\d+) hit a post",
@@ -2243,8 +2243,8 @@ rows = table(
 faster_ = float(spent_["free", "batches of 32"]) / float(spent_["free", "VAMP"])
 ((search_,),) = key("vamp_comparison", r"and its own search takes (\S+) ms$")
 pole_ = {
-    name: (int(low) + int(high), int(few) + int(many))
-    for name, low, few, high, many in key(
+    name: (int(missed_below) + int(missed_above), int(below) + int(above))
+    for name, missed_below, below, missed_above, above in key(
         "vamp_comparison",
         r"^(its planners|validate_motion), .*; (\d+) of (\d+) missed at ratios up to 1, (\d+) of (\d+) above",
     )
@@ -2280,9 +2280,9 @@ def needed(method):
     return f"{next(n for n, e in excess_['one disc', method] if e <= 1.0):,}"
 
 
-(early_, none_), (first_, late_) = excess_["gap 10%", "OMPL BIT*"][:2]
+(early_, without_path_), (first_, late_) = excess_["gap 10%", "OMPL BIT*"][:2]
 longer_ = late_, dict(excess_["gap 10%", "RRT-Connect, shortcuts"])[first_]
-assert none_ == np.inf
+assert without_path_ == np.inf
 Markdown(
     f"Around the disc, the median path is within 1 % of the shortest after {needed('OMPL BIT*')} edge checks of "
     f"BIT\\*, {needed('Informed RRT*')} of Informed RRT\\* and {needed('RRT*')} of RRT\\*. BIT\\* is weak at the "

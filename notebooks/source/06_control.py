@@ -926,15 +926,15 @@ changes = {
     "10 ms of delay": (truth, Actuator(delay=0.01)),
 }
 changes["both"] = replace(truth, inertia=0.144), Actuator(delay=0.01)
-found = {name: control.diagnose(record_log(*case), believed) for name, case in changes.items()}
+diagnoses = {name: control.diagnose(record_log(*case), believed) for name, case in changes.items()}
 
 # %% tags=["hide-code"]
 print(f"inertia           {model.inertia:.4f} kg m^2, true {truth.inertia:.4f}")
 print(f"viscous friction  {model.damping:.4f} N m s/rad, true {truth.damping:.4f}")
 print(f"Coulomb friction  {model.coulomb:.4f} N m, true 0.1000")
-for name, one in found.items():
-    left = 1e3 * min(one.remaining.values())
-    print(f"real change: {name:<18} named: {', '.join(one.causes)}, leaves {left:.2f} mN m")
+for name, one in diagnoses.items():
+    unexplained = 1e3 * min(one.remaining.values())
+    print(f"real change: {name:<18} named: {', '.join(one.causes)}, leaves {unexplained:.2f} mN m")
 
 # %% [markdown]
 # Here is the relative error of the inertia under little and much noise, for the equation with test functions (*integral
@@ -1649,12 +1649,12 @@ for name, stiffness, loop_ in (
                 f"{ahead[0]:.3g} | {ahead[1]:.3g} | not timed |"
             )
 # A rate of 1e-9 switches the adaptation off.
-off = [
+not_adapted = [
     1e3 * tracking.error(tracking.adaptive(model, 1e-3, rate=1e-9), 1e-3)
     for model in (tracking.ARM, tracking.WRONG)
 ]
 lines.append(
-    f"| the same law, adaptation off | {adapt_k} | {off[0]:.3g} | {off[1]:.3g} | the same |"
+    f"| the same law, adaptation off | {adapt_k} | {not_adapted[0]:.3g} | {not_adapted[1]:.3g} | the same |"
 )
 Markdown("\n".join(lines))
 
@@ -2131,8 +2131,10 @@ predict("taught_elsewhere")
 print_figures("learned_beside_adaptive", "adaptive", "learned")
 # A rate of 1e-9 switches the adaptation off.
 still = tracking.adaptive(tracking.WRONG, 4e-3, rate=1e-9)
-off = [tracking.error(still, 4e-3, size=size) for size in (1.0, 1.6)]
-print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:.2g} rad")
+not_adapted = [tracking.error(still, 4e-3, size=size) for size in (1.0, 1.6)]
+print(
+    f"adaptation off, trained motion: {not_adapted[0]:.2g} rad, a larger one: {not_adapted[1]:.2g} rad"
+)
 
 # %% [markdown]
 # On the trained motion both are accurate to a few milliradians. On the larger motion, the learned correction's error is

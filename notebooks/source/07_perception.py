@@ -1053,8 +1053,8 @@ def is_found(case):
 
 
 every = [(scale, t, k) for scale in (1.01, 0.99) for t in (None, true_table) for k in range(10)]
-found = from_record("perception.scaled_depths", is_found, every, checked=4)
-n_found = np.reshape(found, (2, 2, 10)).sum(axis=2)
+box_found = from_record("perception.scaled_depths", is_found, every, checked=4)
+n_found = np.reshape(box_found, (2, 2, 10)).sum(axis=2)
 for what, (n_unknown, n_known) in zip(("1 % too long", "1 % too short"), n_found, strict=True):
     print(f"depths {what:<14} found: {n_unknown} of 10, with the true table given: {n_known} of 10")
 

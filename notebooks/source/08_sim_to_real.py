@@ -18,13 +18,13 @@ from course.sim_to_real.plants import DIRECTION, HOLD, RADIUS, SECONDS, tip
 from course.simulations import simulation
 
 figure_, axis = plt.subplots(figsize=(8.5, 3.2), layout="constrained")
-for q, look in (
+for q, line_style in (
     (np.array([0.25, 1.1]), {"lw": 9}),
     (np.array([0.75, 0.75]), {"lw": 2, "ls": "--"}),
 ):
     elbow, hand = 0.5 * np.array([np.cos(q[0]), np.sin(q[0])]), tip(q)
-    _ = axis.plot([0, elbow[0], hand[0]], [0, elbow[1], hand[1]], color="#3f51b5", **look)
-    if look["lw"] == 9:
+    _ = axis.plot([0, elbow[0], hand[0]], [0, elbow[1], hand[1]], color="#3f51b5", **line_style)
+    if line_style["lw"] == 9:
         _ = axis.plot([0, elbow[0]], [0, elbow[1]], "o", color="#1a237e", ms=13)
         notes = (
             (hand, (0.95, 0.66), f"load: + {DIRECTION['payload']} kg, links + 10 %"),
@@ -260,9 +260,9 @@ three = recorded()["range"][0].T
 def lost_together(case):
     """Return the row of a gap, a delay and the differences that an arm has."""
     gap, delay, parts = case
-    there = real(gap, delay)
-    alone = np.array([1 - rollouts(mended(there, (one,)), three, posed).rate for one in parts])
-    lost = 1 - rollouts(mended(there, parts), three, posed).rate
+    real_arm = real(gap, delay)
+    alone = np.array([1 - rollouts(mended(real_arm, (one,)), three, posed).rate for one in parts])
+    lost = 1 - rollouts(mended(real_arm, parts), three, posed).rate
     names = "all five" if len(parts) == 5 else " and ".join(parts)
     costliest = f"{list(parts)[alone[:, 0].argmax()]}: {alone[:, 0].max():.3f}"
     numbers = (costliest, f"{alone[:, 0].sum():.3f}", f"{lost[0]:.3f}")
@@ -1489,8 +1489,11 @@ show("two_routes")
 # %% tags=["hide-code"]
 world = grid(10)
 true_value = value_iteration(world).value
-left = np.where(np.arange(100) % 10 < 5, true_value, 0.0)
-for name, phi in (("0 everywhere", 0.0 * left), ("V in the left half, 0 in the right", left)):
+in_left_half = np.where(np.arange(100) % 10 < 5, true_value, 0.0)
+for name, phi in (
+    ("0 everywhere", 0.0 * in_left_half),
+    ("V in the left half, 0 in the right", in_left_half),
+):
     learner = shaped(world, phi)
     seeds = [np.random.default_rng(k) for k in range(15)]
     taken = [sim_to_real.learning_steps(learner, seed, 18, at_most=300_000) for seed in seeds]
@@ -2531,8 +2534,8 @@ rounds, buffer, move = 60, 128, 0.1
 
 def ranges_after(n):
     """Return the ranges after n rounds of automatic domain randomisation, and the gains."""
-    found = sim_to_real.automatic(0, rounds=n, buffer=buffer, step=move, thresholds=(0.8, 0.9))
-    return found.ranges.bounds, found.gains
+    result = sim_to_real.automatic(0, rounds=n, buffer=buffer, step=move, thresholds=(0.8, 0.9))
+    return result.ranges.bounds, result.gains
 
 
 # After five rounds first, which is computed again whenever the page is tested.

@@ -1354,8 +1354,8 @@ show("gradient_cost")
 
 # %% tags=["hide-code"]
 arm, arm_ppo = stored("learning_curve_reach")[1], stored("arm_learned")[1]
-found, trained = arm.series[0], arm_ppo.series[0]
-near = int(np.argmin(np.abs(np.array(found.x) - trained.x[-1])))
+searched, trained = arm.series[0], arm_ppo.series[0]
+near = int(np.argmin(np.abs(np.array(searched.x) - trained.x[-1])))
 rows = [
     (
         "method (search and PPO: different targets)",
@@ -1365,9 +1365,9 @@ rows = [
     )
 ]
 for name, one, k in (
-    ("search, linear policy", found, near),
+    ("search, linear policy", searched, near),
     ("PPO", trained, -1),
-    ("search, linear policy", found, -1),
+    ("search, linear policy", searched, -1),
 ):
     rows.append(
         (name, f"{one.x[k]:,.0f}", f"{one.y[k]:.2f}", f"{one.low[k]:.2f} to {one.high[k]:.2f}")

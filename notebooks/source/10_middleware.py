@@ -166,8 +166,8 @@ talks = {
     ],
 }
 for axis, (name, arrows) in zip(axes, talks.items(), strict=True):
-    left = "publisher" if name == "topic" else "client"
-    for x, participant in ((0, left), (1, "subscriber" if name == "topic" else "server")):
+    source = "publisher" if name == "topic" else "client"
+    for x, participant in ((0, source), (1, "subscriber" if name == "topic" else "server")):
         _ = axis.plot([x, x], [0, -1], color=GREY, lw=2)
         _ = axis.text(x, 0.06, participant, ha="center", fontsize=9)
     for forward, _back, at, word in arrows:
@@ -567,13 +567,13 @@ answer("relative_sleep", "1/(T + C)")
 # %% tags=["hide-code"]
 C, T = np.array([0.25, 2.0, 40.0]), np.array([1.0, 10.0, 100.0])
 names = ["controller", "filter", "planner"]
-rows_, left, due, step = {n: [] for n in names}, np.zeros(3), np.zeros(3), 0.25
+rows_, unfinished, due, step = {n: [] for n in names}, np.zeros(3), np.zeros(3), 0.25
 for now in np.arange(0.0, 90.0, step):
-    left[due <= now] += C[due <= now]
+    unfinished[due <= now] += C[due <= now]
     due[due <= now] += T[due <= now]
-    if left.any():
-        k = int(np.argmax(left > 0))
-        left[k] -= step
+    if unfinished.any():
+        k = int(np.argmax(unfinished > 0))
+        unfinished[k] -= step
         rows_[names[k]].append((now, now + step, (BLUE, GREEN, ORANGE)[k]))
 merged = {}
 for name, spans in rows_.items():
@@ -1901,8 +1901,8 @@ def after_restart(back, clear=False):
     for k in range(10):
         # The new run: the camera rests one metre above the axis.
         buffer.insert(20.0 - back + 0.01 * k, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0])
-    found = "new" if buffer.lookup(buffer.newest).position[2] > 0.5 else "previous"
-    return f"{10 - buffer.ignored} of 10", f"a pose of the {found} run"
+    run = "new" if buffer.lookup(buffer.newest).position[2] > 0.5 else "previous"
+    return f"{10 - buffer.ignored} of 10", f"a pose of the {run} run"
 
 
 table(

@@ -625,13 +625,13 @@ for row in (
     "all of them",
 ):
     theirs, ours, runs, change, low, high, *_ = numbers("swap_matrix", f"{row}: ")
-    least, most = wilson(theirs * runs, int(runs))
+    lowest, highest = wilson(theirs * runs, int(runs))
     # Rounded to a tenth of a nanometre, without a minus before zero.
     change, low, high = (round(x, 7) + 0.0 for x in (change, low, high))
     rows.append(
         [
             row,
-            f"{theirs:.2f} ({least:.2f} to {most:.2f})",
+            f"{theirs:.2f} ({lowest:.2f} to {highest:.2f})",
             f"{ours:.2f}",
             f"{runs:.0f}",
             f"{change:+.2g}",
@@ -730,7 +730,7 @@ ring = theory.modes(scenario.arm, bent, 150.0, 0.0)
 limits = [figure("largest_step", name) for name in ("reach", "stretched")]
 raw, calm = (figure("raw_estimate_replans", name) for name in ("raw", "calm"))
 paid, wait = (figure("planner_step", name) for name in ("paid", "wait_ms"))
-least, most = wilson(12 * paid, 12)
+lowest, highest = wilson(12 * paid, 12)
 by_contracts, by_sliders = (figure("contracts_before_sliders", x) for x in ("contracts", "kept"))
 broken_rows = {
     "Perception": (
@@ -744,7 +744,7 @@ broken_rows = {
         "planner step at its minimum",
         "thousands of collision checks; a late and crooked path",
         f"a wait of {wait:.0f} ms, and {paid:.0%} of 12 runs succeed (95 % interval "
-        f"{least:.0%} to {most:.0%})",
+        f"{lowest:.0%} to {highest:.0%})",
     ),
     "Control": (
         "Kp very high, Kd zero",
@@ -931,8 +931,8 @@ for axis, bent_path in zip(axes, (False, True), strict=True):
         beside = abs(x) if y < 0 else np.hypot(x, y)
         touches = radius - (beside if bent_path else y) < 1.0
         hits += touches
-        look = {"color": "#c62828", "lw": 1.2} if touches else {"color": "0.6", "alpha": 0.15}
-        circle = plt.Circle((x, y), 1.0, fill=False, zorder=2 if touches else 1, **look)
+        style = {"color": "#c62828", "lw": 1.2} if touches else {"color": "0.6", "alpha": 0.15}
+        circle = plt.Circle((x, y), 1.0, fill=False, zorder=2 if touches else 1, **style)
         _ = axis.add_patch(circle)
     _ = axis.add_patch(plt.Circle((0, 0), 1.0, fill=False, color="k", lw=1.5, zorder=3))
     if bent_path:
@@ -1910,12 +1910,12 @@ other = Scenario(target=(-0.05, 0.7), velocity=(0.008, -0.01), discs=scenario.di
 rows, slowness = [], []
 tests = [{"case": x, "some": range(100, 150)} for x in (scenario, other)]
 pairs = [(one, test) for one in chosen.values() for test in tests]
-found = from_record("pipeline.tuned", lambda x: squares(x[0], **x[1]), pairs)
-found = np.array(found).reshape(len(chosen), len(tests), 50)
+tuned = from_record("pipeline.tuned", lambda x: squares(x[0], **x[1]), pairs)
+tuned = np.array(tuned).reshape(len(chosen), len(tests), 50)
 drawn = rng.integers(50, size=(2000, 50))  # bootstrap: the seeds of a test, drawn again
-for (name, one), results in zip(chosen.items(), found, strict=True):
+for (name, one), results in zip(chosen.items(), tuned, strict=True):
     cells = [f"{np.sqrt(square(one)):.2f}"]
-    for fresh, base in zip(results, found[0], strict=True):
+    for fresh, base in zip(results, tuned[0], strict=True):
         change = np.sqrt(fresh[drawn].mean(axis=1)) - np.sqrt(base[drawn].mean(axis=1))
         low, high = np.quantile(change, (0.025, 0.975))
         cells.append(
@@ -1963,8 +1963,8 @@ for one in FAULTS:
     failed = [r for r in (injected(one, seed)() for seed in range(12)) if not r.success]
     counts = Counter(check for r in failed for check in noticed(r))
     detected[one.name] = [check for check, n in counts.items() if n > len(failed) / 2]
-found = "; ".join(f"{name} ({', '.join(by)})" for name, by in detected.items() if by)
-print(textwrap.fill(f"detected (by): {found}", 96))
+by_check = "; ".join(f"{name} ({', '.join(by)})" for name, by in detected.items() if by)
+print(textwrap.fill(f"detected (by): {by_check}", 96))
 blind = ", ".join(name for name, by in detected.items() if not by)
 print(textwrap.fill(f"not detected: {blind}", 96))
 print("(For a policy, read *slow planner* as a slow policy.)")

@@ -47,9 +47,9 @@ def test_each_draw_mixes_its_kinds_and_no_claim_comes_twice(topic: str) -> None:
     assert draws.draw(topic, 3) == drawn[2]
     assert len({tuple(q.key for q in questions) for questions in drawn}) > 150
     # No corner of the pool is out of reach: most of it came in two hundred draws.
-    seen = {question.key for questions in drawn for question in questions}
+    keys = {question.key for questions in drawn for question in questions}
     whole = {question.key for question in draws.pool(topic)}
-    assert seen <= whole and len(seen) > 0.9 * len(whole)
+    assert keys <= whole and len(keys) > 0.9 * len(whole)
 
 
 @pytest.mark.parametrize("topic", TOPICS)

@@ -167,20 +167,20 @@ def test_what_one_cause_leaves_shows_that_two_are_wrong():
     target = 0.9 * np.sin(1.3 * t) + 0.4 * np.sin(4.1 * t + 1.0)
     rng = np.random.default_rng(1)
 
-    def left(damping, delay):
+    def remaining(damping, delay):
         joint, gains = Joint(0.5, damping, coulomb=0.2), Gains(60.0, 0.0, 8.0)
         run = run_joint(joint, Actuator(delay=delay), Encoder(22), gains, target, 1e-3, 8.0)
         log = Log(1e-3, run.q + 5e-5 * rng.standard_normal(run.q.shape), run.command)
         report = diagnose(log, JointModel(0.5, 0.5, 0.2))
         return report.causes, report.remaining
 
-    causes, sound = left(0.5, 0.0)
+    causes, sound = remaining(0.5, 0.0)
     assert causes == () and sound["inertia"] < 0.01
-    causes, one = left(1.2, 0.0)
+    causes, one = remaining(1.2, 0.0)
     assert causes == ("damping",) and one["damping"] < 2.0 * sound["damping"]
     # 0.7 N m s/rad too much, at speeds of about 1 rad/s.
     assert 0.3 < one["coulomb"] < 1.5
-    causes, both = left(1.2, 5e-3)
+    causes, both = remaining(1.2, 5e-3)
     assert causes == ("damping",) and both["damping"] > 10.0 * sound["damping"]
 
 

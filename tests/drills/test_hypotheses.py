@@ -145,16 +145,16 @@ def test_cases_that_alone_are_right_are_named() -> None:
 def test_brackets_and_entries_are_changed(old: str, new: str, phrase: str) -> None:
     text = "def f(r, g, a, b):\n    return {}\n"
     expected = ast.unparse(ast.parse(text.format(new)))
-    found = {changed: said for said, changed, _ in mutants(text.format(old))}
-    assert phrase in found[expected]
+    messages = {changed: message for message, changed, _ in mutants(text.format(old))}
+    assert phrase in messages[expected]
 
 
 def test_the_same_is_changed_in_two_places() -> None:
     text = "def f(a, b):\n    return np.cos(a) + np.cos(b) * np.cos(a - b)\n"
-    found = {changed: said for said, changed, _ in pairs(text)}
+    messages = {changed: message for message, changed, _ in pairs(text)}
     expected = "def f(a, b):\n    return np.sin(a) + np.sin(b) * np.cos(a - b)"
-    assert found[expected] == "with a sine in place of a cosine in two places"
-    assert text.strip() not in found
+    assert messages[expected] == "with a sine in place of a cosine in two places"
+    assert text.strip() not in messages
 
 
 def test_components_in_another_order_are_named() -> None:

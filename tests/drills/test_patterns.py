@@ -68,8 +68,8 @@ FORMS: list[tuple[Result, str]] = [
 
 @pytest.mark.parametrize(("wrong", "sentence"), FORMS)
 def test_each_form_is_named(wrong: Result, sentence: str) -> None:
-    name, said = patterns.form(attempt(wrong))
-    assert name in patterns.NAMES and sentence in said, said
+    name, message = patterns.form(attempt(wrong))
+    assert name in patterns.NAMES and sentence in message, message
 
 
 def test_a_length_that_is_right_is_named() -> None:
@@ -78,8 +78,8 @@ def test_a_length_that_is_right_is_named() -> None:
 
 
 def test_a_result_that_never_changes_is_named() -> None:
-    name, said = patterns.form(attempt(lambda *a: 0.5, lambda q, v, dt, m, n: dt * m))
-    assert name == "same_everywhere" and "(0.5)" in said
+    name, message = patterns.form(attempt(lambda *a: 0.5, lambda q, v, dt, m, n: dt * m))
+    assert name == "same_everywhere" and "(0.5)" in message
 
 
 def test_a_small_error_is_no_turn() -> None:
@@ -104,17 +104,17 @@ DIVISIONS: list[tuple[Result, str]] = [
 
 @pytest.mark.parametrize(("wrong", "sentence"), DIVISIONS)
 def test_what_divides_wrong_from_right_is_named(wrong: Result, sentence: str) -> None:
-    name, said = patterns.division(attempt(wrong, cases=30))
-    assert name in patterns.NAMES and sentence in said, said
+    name, message = patterns.division(attempt(wrong, cases=30))
+    assert name in patterns.NAMES and sentence in message, message
 
 
 def test_a_feature_of_zero_divides() -> None:
-    some, none = np.array([0.5, -1.0, 2.0]), np.zeros(4)
-    said = patterns._divides(some, none, "The result", "`v`")
-    assert said == "The result is right in every case with `v` of 0, and wrong in all others."
-    said = patterns._divides(none, some, "The result", "`v`")
-    assert said == "The result is wrong in every case with `v` of 0, and right in all others."
-    assert patterns._divides(some, -some, "The result", "`v`") is None
+    nonzero, zeros = np.array([0.5, -1.0, 2.0]), np.zeros(4)
+    message = patterns._divides(nonzero, zeros, "The result", "`v`")
+    assert message == "The result is right in every case with `v` of 0, and wrong in all others."
+    message = patterns._divides(zeros, nonzero, "The result", "`v`")
+    assert message == "The result is wrong in every case with `v` of 0, and right in all others."
+    assert patterns._divides(nonzero, -nonzero, "The result", "`v`") is None
 
 
 def test_verdicts_that_are_wrong_on_one_side_are_named() -> None:
@@ -124,8 +124,8 @@ def test_verdicts_that_are_wrong_on_one_side_are_named() -> None:
     def wide(q: Array, v: Array, dt: float, m: float, n: int) -> float:
         return float(np.sin(9.0 * m + n) > -0.7)
 
-    name, said = patterns.division(attempt(wide, verdict, cases=30))
-    assert name == "one_sided" and "1 where 0 is right" in said and "too wide" in said
+    name, message = patterns.division(attempt(wide, verdict, cases=30))
+    assert name == "one_sided" and "1 where 0 is right" in message and "too wide" in message
 
 
 def test_few_cases_and_errors_without_a_pattern_get_no_sentence() -> None:
@@ -133,15 +133,15 @@ def test_few_cases_and_errors_without_a_pattern_get_no_sentence() -> None:
     assert patterns.form(attempt(bent)) == ("", "") == patterns.division(attempt(bent))
 
 
-def holds(name: str, said: str, run: Any) -> bool:
+def holds(name: str, message: str, run: Any) -> bool:
     """Return whether a sentence is true, from its words and the results alone."""
     rows = [a for a in run.answers if not all(a.right)]
     for a in rows:
-        got, truth, off = a.got, a.truth[0], a.got - a.truth[0]
+        got, truth, error = a.got, a.truth[0], a.got - a.truth[0]
         known = dict(zip(NAMES, a.case.args, strict=True)) | {"result": truth, "len": len}
         known |= {"norm": np.linalg.norm, "sum": np.sum, "sqrt": np.sqrt}
         if name in ("term_of_arguments", "factor_of_arguments"):
-            match = re.search(r"(minus|plus|times|is) (?:`([^`]+)`|([\d.e+-]*\d))", said)
+            match = re.search(r"(minus|plus|times|is) (?:`([^`]+)`|([\d.e+-]*\d))", message)
             assert match is not None
             word, code, number = match.groups()
             value = eval(code or number, known)
@@ -155,40 +155,40 @@ def holds(name: str, said: str, run: Any) -> bool:
             if not np.allclose(np.abs(got), np.abs(truth)):
                 return False
         elif name == "whole_turns":
-            word = re.search(r"multiples of (\S+(?: pi)?) and", said)
+            word = re.search(r"multiples of (\S+(?: pi)?) and", message)
             assert word is not None
             turn = {"2 pi": 2 * np.pi, "pi": np.pi, "pi/2": np.pi / 2, "360": 360.0}[word[1]]
-            count = off[np.abs(off) > 1e-9] / turn
+            count = error[np.abs(error) > 1e-9] / turn
             if not np.allclose(count, np.rint(count)) or not np.rint(count).all():
                 return False
         elif name == "other_order":
             if not np.allclose(sorted(got), sorted(truth)):
                 return False
         elif name == "one_place_wrong":
-            ok = np.abs(off) < 1e-8
+            ok = np.abs(error) < 1e-8
             ends = {"the first number": ok[1:], "the last number": ok[:-1]}
             ends["the first and the last number"] = ok[1:-1]
-            place = next(p for p in reversed(ends) if p in said)
+            place = next(p for p in reversed(ends) if p in message)
             beside = {"the first number": ok[:1], "the last number": ok[-1:]}
             beside["the first and the last number"] = ok[[0, -1]]
-            if not (ends[place] if "only in" in said else beside[place]).all():
+            if not (ends[place] if "only in" in message else beside[place]).all():
                 return False
         elif name == "one_sided":
-            far = off * np.sign(truth)
-            signs = {"too large": off, "too small": -off, "too far": far, "too close": -far}
-            word = next(w for w in signs if w in said)
-            if not np.all(signs[word][np.abs(off) > 1e-8] > 0.0):
+            far = error * np.sign(truth)
+            signs = {"too large": error, "too small": -error, "too far": far, "too close": -far}
+            word = next(w for w in signs if w in message)
+            if not np.all(signs[word][np.abs(error) > 1e-8] > 0.0):
                 return False
     return bool(rows)
 
 
-def divided(said: str, run: Any) -> bool:
+def divided(message: str, run: Any) -> bool:
     """Return whether the condition in a sentence is one, of the cases or of the numbers."""
     match = re.search(
-        r"every (case|place) with (.*?) (of|below|above) (\S+)( or more| or less|)", said
+        r"every (case|place) with (.*?) (of|below|above) (\S+)( or more| or less|)", message
     )
     if match is None:
-        return " with " not in said
+        return " with " not in message
     number, feature, word, limit, side = match.groups()
     wrong, right_ = list[float](), list[float]()
     for a in run.answers:
@@ -199,14 +199,14 @@ def divided(said: str, run: Any) -> bool:
         code = code.replace("a right value", "truth")
         known |= {"truth": a.truth[0], "smallest": np.min, "largest": np.max, "len": len}
         values = np.ravel(eval(code, known | {"norm": np.linalg.norm}))
-        off = np.abs(a.got - a.truth[0]) > 1e-8
-        missed = np.array([not all(a.right)]) if number == "case" else off
+        differs = np.abs(a.got - a.truth[0]) > 1e-8
+        missed = np.array([not all(a.right)]) if number == "case" else differs
         wrong += values[missed].tolist()
         right_ += values[~missed].tolist()
     bound = float(limit.rstrip(",."))
     below = word == "below" or side == " or less"
     if word == "of" and not side:
-        inside, outside = (right_, wrong) if "is right in every" in said else (wrong, right_)
+        inside, outside = (right_, wrong) if "is right in every" in message else (wrong, right_)
         return set(inside) == {bound} and bound not in outside
     slack = 1e-3 * abs(bound)
     if below:
@@ -260,8 +260,8 @@ def test_whatever_is_said_is_true(weights: list[float], where: str, seed: int) -
     if all(all(a.right) for a in run.answers):
         assert patterns.form(run) == ("", "") == patterns.division(run)
         return
-    for name, said in (patterns.form(run), patterns.division(run)):
-        assert name == "" or (holds(name, said, run) and divided(said, run)), (name, said)
+    for name, message in (patterns.form(run), patterns.division(run)):
+        assert name == "" or (holds(name, message, run) and divided(message, run)), (name, message)
 
 
 @examples(100)

@@ -69,8 +69,8 @@ def test_the_course_reports_that_one_axis_is_missing():
         "hand_eye_precision", counts=(4, 30), sizes=(1e-4, 0.1), seeds=12, repeats=1, library=False
     )
     for name in chart.PARTNERS:
-        few, many = work[name].y
-        assert many < 0.5 * few
+        error_of_few, error_of_many = work[name].y
+        assert error_of_many < 0.5 * error_of_few
     near, clear = limit["all pairs"].y
     expected = limit["all pairs"].expected
     # Below the limit the noise takes the place of the missing axis.

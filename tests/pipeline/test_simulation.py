@@ -82,7 +82,7 @@ def test_a_plan_from_an_old_posture_jumps_and_a_plan_that_is_waited_for_does_not
 
     The estimate, which corrects the end of a plan, adds its noise to that.
     """
-    most = chapter.Settings().rate * whole.SECONDS / whole.SHOWN
+    largest = chapter.Settings().rate * whole.SECONDS / whole.SHOWN
     jumps, plans = [], []
     for follows in (True, False):
         experiment, report = outcome("Plan from an old posture", follows=follows)
@@ -92,7 +92,7 @@ def test_a_plan_from_an_old_posture_jumps_and_a_plan_that_is_waited_for_does_not
         _, settings = whole.scenario_and_settings(values)
         assert settings.hysteresis is follows and settings.check_cost == pytest.approx(2e-3)
     assert min(plans) > 2
-    assert jumps[0] > 10.0 * most and jumps[1] < 2.0 * most
+    assert jumps[0] > 10.0 * largest and jumps[1] < 2.0 * largest
     assert "tenths of a second" in whole.PRESETS["Plan from an old posture"].note
     experiment, report = outcome("Plan from an old posture")
     assert 0.1 < 2e-3 * report[whole.CHECKS] / report[whole.ASKED] < 1.0  # s a plan
@@ -203,11 +203,11 @@ def test_a_draft_of_a_run_that_plans_much_is_its_beginning():
     angles = record.log[rows, whole.drive.Q : whole.drive.V].T
     begun = np.flatnonzero((state["q"] == angles).all(axis=0))
     assert begun.size > 1 and np.array_equal(begun, np.arange(begun.size)), "it is its beginning"
-    portions, seen = 0, [report[whole.CHECKS]]
+    portions, counts = 0, [report[whole.CHECKS]]
     while drafted.complete():
         portions += 1
-        seen.append(report[whole.CHECKS])
-    assert portions > 20 and max(np.diff(seen)) < 0.1 * checks[-1]
+        counts.append(report[whole.CHECKS])
+    assert portions > 20 and max(np.diff(counts)) < 0.1 * checks[-1]
     # In slices it is the run that it is in one go.
     assert np.array_equal(state["q"], angles)
     assert (report[whole.CHECKS], report[whole.ASKED]) == (checks[-1], len(record.plans))

@@ -41,8 +41,8 @@ def test_the_minimum_time_is_the_first_at_which_a_linear_program_is_feasible() -
 
     def feasible(distance, v, w, total):
         h = total / n
-        left = total - h * (np.arange(n) + 0.5)
-        rows = np.stack((np.full(n, h), h * left))
+        remaining = total - h * (np.arange(n) + 0.5)
+        rows = np.stack((np.full(n, h), h * remaining))
         values = [w - v, distance - v * total]
         return linprog(np.zeros(n), A_eq=rows, b_eq=values, bounds=(-1.0, 1.0)).status == 0
 

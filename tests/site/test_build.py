@@ -425,8 +425,8 @@ def test_a_picture_that_waits_takes_up_its_room(site: Path) -> None:
     pictures = SoupStrainer(["picture", "source", "img"])
     for page in sorted(site.glob("*.html")):
         article = page.read_text("utf-8").partition("<article")[2].partition("</article>")[0]
-        found: Any = BeautifulSoup(article, "html.parser", parse_only=pictures)
-        for image in found.select("img[loading=lazy]"):
+        parsed: Any = BeautifulSoup(article, "html.parser", parse_only=pictures)
+        for image in parsed.select("img[loading=lazy]"):
             sizes = [image] + ([image.parent.source] if image.parent.name == "picture" else [])
             for tag in sizes:
                 path = site / (tag.get("src") or tag["srcset"])

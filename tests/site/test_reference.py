@@ -159,7 +159,7 @@ def test_a_page_of_a_door_leads_to_the_functions_that_it_names(
     site: Path, page: str, links: set[str]
 ) -> None:
     article = (site / f"{page}.html").read_text("utf-8").partition("<article")[2]
-    found = re.findall(r'href="(code_\w+\.html)#([^"]*)"', article.partition("</article>")[0])
-    assert {anchor for _, anchor in found} >= links
-    for target, anchor in found:
+    references = re.findall(r'href="(code_\w+\.html)#([^"]*)"', article.partition("</article>")[0])
+    assert {anchor for _, anchor in references} >= links
+    for target, anchor in references:
         assert anchor in build.read(site / target).anchors, (target, anchor)

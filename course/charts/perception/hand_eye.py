@@ -102,8 +102,8 @@ def point_error(R: Array, p: Array) -> float:
 
     It contains the error of the rotation, times half a metre, and that of the position.
     """
-    there = to_matrix(MOUNT[3:]) @ _AWAY + MOUNT[:3, None]
-    return float(np.linalg.norm(R @ _AWAY + np.reshape(p, (3, 1)) - there))
+    expected = to_matrix(MOUNT[3:]) @ _AWAY + MOUNT[:3, None]
+    return float(np.linalg.norm(R @ _AWAY + np.reshape(p, (3, 1)) - expected))
 
 
 def expected_turn_error(count: float, turns: Sequence[float], partners: int = 0) -> float:

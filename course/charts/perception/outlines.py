@@ -44,14 +44,14 @@ def fit_both(
         start: pose (7,).
     """
     mobile, part = np.isin(DIRECTIONS, STANDING), numbers(BOX)
-    at, pose, off, gate = border(depth, eye, SENSOR, cluster), start, 0.0, _GATE
+    at, pose, error, gate = border(depth, eye, SENSOR, cluster), start, 0.0, _GATE
     # Twice: points near an edge are chosen again once the edge is known.
     for _ in range(2):
         fit = fit_points(points, eye, pose, gate)
         weighted = fit.information / SENSOR.window**2
-        pose, _, off = refine(part, fit.pose, mobile, weighted, eye, SENSOR, at)
+        pose, _, error = refine(part, fit.pose, mobile, weighted, eye, SENSOR, at)
         gate = (_GATE[1], _GATE[1])
-    return pose, off
+    return pose, error
 
 
 @chart(columns=2)

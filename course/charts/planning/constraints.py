@@ -354,10 +354,10 @@ def kinodynamic_bounds(
                     discs, ROOM, BEGIN, END, 0.5, 1.0, dt, rivals[name], samples, seed + 1
                 )
                 taken = plan.seconds
-                way = np.empty((4, 0)) if plan.path is None else plan.path.T
+                path = np.empty((4, 0)) if plan.path is None else plan.path.T
                 status = "solved" if plan.path is not None else "out of samples"
                 nothing = np.empty((4, 0)), np.empty(0, dtype=np.int64)
-                motion = kinodynamic.Motion(status, way, pulls.T, lasted, plan.samples, *nothing)
+                motion = kinodynamic.Motion(status, path, pulls.T, lasted, plan.samples, *nothing)
             drawn[name].append(motion.samples if motion.solved else math.inf)
             spent[name].append(1e3 * taken if motion.solved else math.inf)
             bound = math.nan
@@ -423,7 +423,7 @@ def kinodynamic_bounds(
         footer=footer,
     )
     kinds = np.array([crossings(spacing, number, 0) for spacing in spacings]).T
-    off = np.abs(kinds[0] - [missed(s) for s in spacings])
+    deviation = np.abs(kinds[0] - [missed(s) for s in spacings])
     words = ", ".join(f"{v:.1%}" for v in kinds[0])
     panel.series = [
         Series(
@@ -432,7 +432,7 @@ def kinodynamic_bounds(
             kinds[0],
             theory=missed,
             note=f"crossings missed by points, spacing {', '.join(map(str, spacings))}: "
-            f"{words}; from theory by {off.max():.3f} at most",
+            f"{words}; from theory by {deviation.max():.3f} at most",
         ),
         Series(
             "with the margin",

@@ -124,10 +124,10 @@ def edge_times(counts: Sequence[int], number: int, repeats: int, built: str) -> 
     rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}
     floors = []
     for i, (count, kind, size) in enumerate(labels):
-        *own, call, none = taken[5 * i : 5 * i + 5]
-        floors.append((call.median / size, none.median / size))
+        *own, vamp_call, own_call = taken[5 * i : 5 * i + 5]
+        floors.append((vamp_call.median / size, own_call.median / size))
         for name, t in zip(names, own, strict=True):
-            floor = call.median if name == "VAMP" else none.median
+            floor = vamp_call.median if name == "VAMP" else own_call.median
             micros = (1e6 * (v - floor) / size for v in (t.median, t.low, t.high))
             rows.setdefault((kind, name), []).append((count, *micros))
     panel = Panel(
@@ -158,8 +158,11 @@ def edge_times(counts: Sequence[int], number: int, repeats: int, built: str) -> 
                 note=f"{kind} edge, {name}, by balls: {words} µs",
             )
         )
-    call, none = 1e6 * np.median(floors, axis=0)
-    panel.notes = [*notes, f"a call that checks nothing: VAMP {call:.2f} µs, ours {none:.2f} µs"]
+    vamp_call, own_call = 1e6 * np.median(floors, axis=0)
+    panel.notes = [
+        *notes,
+        f"a call that checks nothing: VAMP {vamp_call:.2f} µs, ours {own_call:.2f} µs",
+    ]
     return panel
 
 

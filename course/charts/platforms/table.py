@@ -417,11 +417,11 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
     reported = ("refused or warned", ("refused", "warned"))
     # A silent repair counts: what runs then isn't the model in the file.
     silent = ("swallowed, repaired or crashed", ("swallowed", "repaired", "crashed"))
-    kept, lost = ("kept", ("kept",)), ("lost or crashed", ("swallowed", "crashed"))
+    preserved, lost = ("kept", ("kept",)), ("lost or crashed", ("swallowed", "crashed"))
     for title, kinds, parts in (
         ("Models that cannot exist", ("impossible",), (reported, silent)),
         ("Files that break the format", ("broken",), (reported, silent)),
-        ("Features", ("feature",), (kept, lost)),
+        ("Features", ("feature",), (preserved, lost)),
     ):
         of = sum(model.kind in kinds for model in MODELS)
         panel = Panel(

@@ -115,7 +115,7 @@ def more_gain_rejects_everywhere(result):
     factor, slow = result.input("factor", 8), result.input("slow", 2)
     kp, kd, late = result.input("kp", 20.0), result.input("kd", 8.0), result.input("late_ms", 5)
 
-    def left(times, w):
+    def sensitivity(times, w):
         """Return |S| of the chapter's loop with so many times the gains."""
         plant, law = _loop(times * kp, 0.0, times * kd, late / 1000)
         return np.abs(frequency.response(plant, law, w).sensitivity)
@@ -123,8 +123,8 @@ def more_gain_rejects_everywhere(result):
     before, after = (
         frequency.loop_shape(*_loop(x * kp, 0.0, x * kd, late / 1000)) for x in (1, factor)
     )
-    result.measure("slow_before", left(1, slow)[0])
-    result.measure("slow_after", left(factor, slow)[0])
+    result.measure("slow_before", sensitivity(1, slow)[0])
+    result.measure("slow_after", sensitivity(factor, slow)[0])
     result.measure("peak_before", before.peak, 1e-4)
     result.measure("peak_after", after.peak, 1e-4)
 
@@ -144,9 +144,9 @@ def more_gain_rejects_everywhere(result):
     result.measure("worst", max(worst, 1e-7), 0.5)
     result.statement = "The exact response of the sampled loop; its logarithm by quadrature."
     w = frequency.frequencies(1e-3)
-    result.statement_holds(np.all(left(factor, w) <= left(1, w)))
+    result.statement_holds(np.all(sensitivity(factor, w) <= sensitivity(1, w)))
     result.correction_holds(
         worst < 1e-5,
-        left(factor, slow)[0] < left(1, slow)[0] / 4,
+        sensitivity(factor, slow)[0] < sensitivity(1, slow)[0] / 4,
         after.peak > 1.5 * before.peak > 1.5,
     )

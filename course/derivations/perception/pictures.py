@@ -209,8 +209,8 @@ def calibration_residual(result):
     result.formula = sympy.sqrt(3 * sigma**2 * N / N**2)  # of a mean of N, three coordinates
     at, seen_at, report = np.array([[0, 0], [0, 0], [0, result.input("away", 0.6)]]), [], []
     wide, error = result.input("wide", 0.3), result.input("sigma_mm", 1) / 1000
-    many = int(result.input("many", 30))
-    for n in (3, many):
+    larger = int(result.input("many", 30))
+    for n in (3, larger):
         points = result.rng.uniform(-0.5, 0.5, (3, n)) * [[wide], [0.7 * wide], [0.1 * wide]]
         if n == 3:  # a thin triangle, drawn by chance, has any error
             points = wide * np.array([[-0.5, 0.5, 0.0], [-0.35, -0.35, 0.35], [0.0, 0.0, 0.0]])
@@ -236,7 +236,7 @@ def calibration_residual(result):
         # Of three coordinates a point, the fit uses up six numbers in all.
         all(
             abs(x / (1e3 * error * np.sqrt(3 - 6 / n)) - 1) < 0.05
-            for n, x in ((3, three), (many, count))
+            for n, x in ((3, three), (larger, count))
         ),
         less < 0.5 * far,
     )

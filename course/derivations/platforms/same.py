@@ -151,13 +151,13 @@ def halving_halves(result):
     whole, half = (
         measures.position_error(bullet, scenes.tumble(1.0), dt, AS_SHIPPED) for dt in (1e-3, 5e-4)
     )
-    left = result.measure("left", half / whole, 0.02)
+    ratio = result.measure("left", half / whole, 0.02)
     result.statement = (
         "Tumble at three random steps and the arm, each against half the step; fair settings."
     )
     result.statement_holds(bool(np.all(np.abs(tried - 1.0) < 0.1)))
     result.correction_holds(
-        bool(np.all(np.abs(tried - 1.0) < 0.1)), abs(rk4 - 4.0) < 0.2, left > 0.9
+        bool(np.all(np.abs(tried - 1.0) < 0.1)), abs(rk4 - 4.0) < 0.2, ratio > 0.9
     )
 
 

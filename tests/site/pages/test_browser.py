@@ -334,8 +334,8 @@ def test_the_home_page_moves_at_once_and_is_dragged(
         canvas = page.locator(".course-live[data-ready] canvas[data-frame]")
         canvas.wait_for()
         assert canvas.bounding_box()["y"] < 850, "it begins on the first screen"
-        left = page.evaluate(TEXT_STARTS, ["h1", "#move-something h2", "#move-something > p"])
-        assert max(left) - min(left) < 1.0, "headings begin where the text does"
+        starts = page.evaluate(TEXT_STARTS, ["h1", "#move-something h2", "#move-something > p"])
+        assert max(starts) - min(starts) < 1.0, "headings begin where the text does"
         first = page.evaluate(PIXELS)
         page.wait_for_function(f"first => ({PIXELS})() !== first", arg=first)
         moved = time.monotonic() - start
