@@ -91,13 +91,14 @@ def declaration(name: str) -> dict[str, Any]:
     """Return everything about a simulation but its functions, as JSON has it.
 
     Records are told as runs of equal eight-byte words, [how many, the word as text]; of the
-    controls those with a label have an input, whose `offset` in the record is in bytes.
+    controls those with a label have an input, whose `offset` in the record is in bytes. `remaining`
+    is the offset in the state of how many portions are left, where the work is done in portions.
 
     Raises:
         ValueError: there is no such simulation, or it is neither compiled nor recorded.
     """
     made, why = model(name), why_recorded(name)
-    functions = ("initial", "advance", "frame", "drag", "grab", "press")
+    functions = ("initial", "advance", "frame", "drag", "grab", "press", "complete")
     return {
         "name": name,
         "title": made.title,
@@ -107,7 +108,7 @@ def declaration(name: str) -> dict[str, Any]:
             "header": made.paper.pen()[: drawing.HEADER].tolist(),
         },
         "controls": _layout(made.controls),
-        "state": _layout(made.state),
+        "state": _layout(made.state) | _remaining(made),
         "inputs": [_input(key, field, made.controls) for key, field in made.controls.panel()],
         "presets": [
             {
@@ -234,6 +235,12 @@ def _runs(record: Any) -> list[list[Any]]:
     # Every field has eight bytes, so words need no types; as text they survive JSON exactly.
     words = np.frombuffer(record.tobytes(), "<u8").tolist()
     return [[len(list(run)), str(word)] for word, run in itertools.groupby(words)]
+
+
+def _remaining(made: Model) -> dict[str, int]:
+    """Return where in the state the number of remaining portions is, if it has one."""
+    fields: Any = made.state.dtype.fields
+    return {} if made.complete is None else {"remaining": fields["remaining"][1]}
 
 
 def _layout(record: Record) -> dict[str, Any]:

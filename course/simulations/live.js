@@ -8,6 +8,8 @@ const STEP = 1 / 25; // what the button Step lets pass, and the time between two
 // Whatever a picture had to wait for, time goes on from where it was, it does not catch up [s].
 const LONGEST = 0.1;
 const [STILL, PLAYING] = [700, 5000]; // between two readings of the numbers aloud [ms]
+// What takes long is done in portions: so long before each picture, until none is left [ms].
+const BUDGET = 12;
 const [OK, NONE] = [0, -2]; // what a function compiled by Numba says when all went well
 
 const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -89,6 +91,9 @@ export async function compiled(told, code) {
     call(name, controls, state, ...given);
     return true;
   };
+  // How many portions of what takes long are left.
+  const { remaining: counter } = told.state;
+  const remaining = () => (counter === undefined ? 0 : Number(wholes[(state + counter) / 8]));
   const moved = (name, ...given) => {
     if (acts(name, ...given) && !told.live_drag) start();
   };
@@ -108,6 +113,15 @@ export async function compiled(told, code) {
       start();
     },
     advance: (seconds) => call("advance", state, controls, passing(seconds)),
+    remaining,
+    // Do portions, one at least, until so much time has passed or none is left.
+    complete(milliseconds) {
+      const end = performance.now() + milliseconds;
+      while (remaining() > 0) {
+        call("complete", controls, state);
+        if (performance.now() >= end) break;
+      }
+    },
     grab: (x, y) => void acts("grab", x, y),
     drag: (x, y) => moved("drag", x, y),
     press: (key) => moved("press", BigInt(key)),
@@ -286,7 +300,7 @@ export function panel(place, { declaration: told, wasm, pictures, film }) {
 
   let [experiment, picture] = [null, null];
   let [playing, seen, before, frames, timer] = [false, true, null, 0, 0];
-  let [touched, waiting] = [false, null];
+  let [touched, waiting, moves] = [false, null, null];
 
   const say = () => {
     timer ||= setTimeout(
@@ -297,18 +311,24 @@ export function panel(place, { declaration: told, wasm, pictures, film }) {
       playing ? PLAYING : STILL,
     );
   };
+  const busy = () => (experiment?.remaining?.() ?? 0) > 0;
   const show = () => picture.show((frames += 1), experiment.picture());
+  const proceed = () => {
+    if (busy()) experiment.complete(BUDGET);
+    show();
+  };
   const follow = () => {
     for (const [input, { put }] of inputs) put(experiment.get(input));
     show();
   };
-  // Whatever fails stops time and is said; the next thing that works takes it back.
-  const act = (action) => {
+  // Whatever fails stops time and is said; the next thing that works takes it back. Portions that
+  // follow by themselves are nothing that the reader has done.
+  const act = (action, byReader = true) => {
     if (!experiment) return;
     try {
       action();
       wrong.hidden = true;
-      touched = Boolean(place.dataset.ready);
+      if (byReader) touched = Boolean(place.dataset.ready);
       if (touched) say();
     } catch (error) {
       pause();
@@ -328,13 +348,32 @@ export function panel(place, { declaration: told, wasm, pictures, film }) {
     picture.request();
   };
   const tick = (now) => {
-    if (!playing || !seen) return void (before = null);
+    if (!seen) return void (before = null);
+    if (moves && !busy()) {
+      const [x, y] = moves;
+      moves = null;
+      drag("move", x, y);
+    }
+    if (!playing) {
+      before = null;
+      if (busy()) act(proceed, false);
+      return;
+    }
     // The first picture after a pause or out of sight only sets the clock.
     const passed = before === null ? 0 : (now - before) / 1000;
     before = now;
     act(() => {
       experiment.advance(Math.max(passed, 0));
-      show();
+      proceed();
+    });
+  };
+  // A drag waits until the picture of the previous place is complete; then the newest one counts.
+  const drag = (kind, x, y) => {
+    if (kind === "move" && busy()) return void (moves = [x, y]);
+    act(() => {
+      if (kind === "down") experiment.grab(x, y);
+      experiment.drag(x, y);
+      follow();
     });
   };
   const step = () => {
@@ -407,12 +446,10 @@ export function panel(place, { declaration: told, wasm, pictures, film }) {
       ? await compiled(told, bytesOf(wasm))
       : await recorded(told, pictures ?? (await filmed(told.name, film)));
     picture = view(parts, told.paper, {
-      pointer: (kind, x, y) =>
-        act(() => {
-          if (kind === "down") experiment.grab(x, y);
-          experiment.drag(x, y);
-          follow();
-        }),
+      pointer(kind, x, y) {
+        if (kind !== "move") moves = null;
+        drag(kind, x, y);
+      },
       key(key) {
         if (key === " ") toggle();
         else if (key === "r" || key === "R") reset();
@@ -425,7 +462,7 @@ export function panel(place, { declaration: told, wasm, pictures, film }) {
       tick,
       drawn() {
         saved?.remove();
-        if (playing) picture.request();
+        if (playing || busy() || moves) picture.request();
       },
     });
     const drags = live && told.functions.includes("drag");
@@ -462,7 +499,7 @@ export function panel(place, { declaration: told, wasm, pictures, film }) {
       if (seen && !begun) {
         begun = true;
         begin().catch(fail);
-      } else if (seen && playing) picture.request();
+      } else if (seen && (playing || busy())) picture.request();
     },
     { rootMargin: "100px" },
   );

@@ -4,6 +4,10 @@ A module `course.simulations.<topic>` declares a `MODEL`. Its functions take rec
 change them in place, and are in the subset of Python that Numba compiles (no strings, no objects):
 the same source runs in a notebook, in a debugger, and compiled. They run as plain Python here; a
 loop in them that is too slow for that is a `course.compiled.loop`.
+
+Where the start takes long, `initial` does a part of the work, leaves in the state's field
+`remaining` how many portions are left, and each call of `complete` does one of them. A panel shows
+what is there and lets the portions follow between pictures; a program waits until all is there.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import finite, one_of
+from course.check import finite, invalid, one_of
 from course.simulations import pen as drawing
 from course.simulations.record import Field, Record, menu
 
@@ -58,9 +62,8 @@ class Model:
         recorded: the pictures were computed beforehand, as a library had to come along.
         aside: words that only a running panel shows, such as milliseconds, and no saved page.
         readouts: what each number below the picture means, by its name: a tooltip.
-        draft: (controls, state), if `initial` takes long: the state at time zero as far as it is
-            known at once. A panel in a notebook shows it.
-        complete: (state) -> whether anything is left: add a portion to what was drafted.
+        complete: (controls, state), if computing takes long: do one of the portions that `initial`,
+            `drag`, `press` or `advance` has left, and set the state's field `remaining`.
         upright: whether something is dragged up or down; where it is not, a finger that moves up or
             down on the picture scrolls the page.
     """
@@ -81,20 +84,23 @@ class Model:
     aside: Callable[[], str] | None = None
     readouts: Mapping[str, str] = field(default_factory=dict)
     upright: bool = True
-    draft: Callable[[Any, Any], None] | None = None
-    complete: Callable[[Any], bool] | None = None
+    complete: Callable[[Any, Any], None] | None = None
+
+    def __post_init__(self) -> None:
+        if self.complete is not None and "remaining" not in self.state.fields:
+            raise invalid("state", list(self.state.fields), "with a field `remaining`")
 
 
 class Experiment:
     """One run of a model: its controls, its state and the pen that draws it.
 
     Attributes:
-        drafts: whether `start` stops at a draft, where the model has one, for `complete` to go on.
+        in_portions: whether what takes long waits for `complete`. Otherwise it is done at once.
     """
 
     def __init__(self, model: Model, **values: Any) -> None:
         self.model = model
-        self.drafts = False
+        self.in_portions = False
         self.controls = model.controls.new(**values)
         self.state = model.state.new()
         self._pen = model.paper.pen()
@@ -104,12 +110,23 @@ class Experiment:
         """Begin anew, with the same controls."""
         # The state is a function of the controls and of time: nothing of an earlier run remains.
         self.model.state.reset(self.state)
-        draft = self.model.draft if self.drafts else None
-        (draft or self.model.initial)(self.controls, self.state)
+        self.model.initial(self.controls, self.state)
+        self._finish()
+
+    @property
+    def remaining(self) -> int:
+        """How many portions `complete` has still to do."""
+        return 0 if self.model.complete is None else int(self.state["remaining"])
 
     def complete(self) -> bool:
-        """Add a portion to a draft; return whether anything is left to add."""
-        return self.model.complete is not None and self.model.complete(self.state)
+        """Do one portion of what takes long; return whether any is left."""
+        if self.model.complete is not None and self.remaining:
+            self.model.complete(self.controls, self.state)
+        return self.remaining > 0
+
+    def _finish(self) -> None:
+        while not self.in_portions and self.complete():
+            pass
 
     def set(self, **values: Any) -> None:
         """Set controls; begin anew unless all of them act on the running state.
@@ -138,6 +155,7 @@ class Experiment:
             ValueError: seconds is negative or not finite.
         """
         self.model.advance(self.state, self.controls, finite("seconds", seconds, 0.0))
+        self._finish()
 
     def drag(self, x: float, y: float) -> None:
         """Handle a drag: the pointer is at (x, y) in units of the window.
@@ -150,6 +168,7 @@ class Experiment:
             # running state.
             if not self.model.live_drag:
                 self.start()
+            self._finish()
 
     def grab(self, x: float, y: float) -> None:
         """Handle a press of the pointer.
@@ -165,6 +184,7 @@ class Experiment:
             self.model.press(self.controls, self.state, KEYS.index(key))
             if not self.model.live_drag:
                 self.start()
+            self._finish()
 
     def take(self, controls: bytes, state: bytes) -> None:
         """Go on from where another run of the model is: its records, byte by byte.
@@ -177,6 +197,7 @@ class Experiment:
         for own, other in zip((self.controls, self.state), taken, strict=True):
             for name in own.dtype.names:
                 own[name] = other[name]
+        self._finish()
 
     def later(self, seconds: float) -> drawing.Picture:
         """Return the picture so long after the start, with the same controls.

@@ -179,33 +179,33 @@ class Panel(ipywidgets.VBox):
 
     @contextlib.contextmanager
     def _at_once(self) -> Iterator[None]:
-        """Answer with a draft, where the model has one, and complete it between other messages."""
+        """Answer with the first portion of what takes long; the others follow between messages."""
         try:
             loop = asyncio.get_running_loop()
         except RuntimeError:
             yield
             return
-        self.experiment.drafts = True
+        self.experiment.in_portions = True
         try:
             yield
         finally:
-            self.experiment.drafts = False
-        if self.model.draft is not None and self._completing is None:
+            self.experiment.in_portions = False
+        if self.experiment.remaining and self._completing is None:
             self._completing = loop.create_task(self._complete())
 
     async def _complete(self) -> None:
-        """Complete a draft portion by portion."""
-        left = True
-        while left:
+        """Do the remaining portions, one after another."""
+        going = True
+        while going:
             await asyncio.sleep(0.005)  # the picture, and what the page has sent, come first
             with self._lock:
-                left = self.comm is not None and self.experiment.complete()
-                if not left:
+                going = self.comm is not None and self.experiment.complete()
+                if not going:
                     self._completing = None
                 self._show()
 
     def _drag(self, pointer: Pointer) -> None:
-        with self._lock:
+        with self._lock, self._at_once():
             if pointer.kind == "down":
                 self.experiment.grab(pointer.x, pointer.y)
             self.experiment.drag(pointer.x, pointer.y)
@@ -227,7 +227,7 @@ class Panel(ipywidgets.VBox):
         if key in ("r", "R"):
             self.reset()
         elif key in KEYS:
-            with self._lock:
+            with self._lock, self._at_once():
                 self.experiment.press(key)
                 self._follow()
         elif self.playing:
@@ -237,7 +237,7 @@ class Panel(ipywidgets.VBox):
 
     def _runs(self, content: Mapping[str, Any], buffers: list[Any]) -> None:
         """It is to run in the page from here on, or here from where the page has come to."""
-        with self._lock:
+        with self._lock, self._at_once():
             if content.get("where") == "page":
                 # The page continues from these records, byte by byte.
                 self.pause()
@@ -279,7 +279,8 @@ class Panel(ipywidgets.VBox):
                 if self._task is not asyncio.current_task() or self.comm is None:
                     return
                 if self.canvas.watched:
-                    self.experiment.advance(passed)
+                    with self._at_once():
+                        self.experiment.advance(passed)
                     self._show()
 
     def __repr__(self) -> str:

@@ -1,7 +1,8 @@
 """Chapter 7's simulation: a table under a depth camera, from the picture to the poses of parts.
 
 The chain is that of `course.perception`. Each part is looked for in the cluster that has most of
-its pixels, which the truth tells.
+its pixels, which the truth tells. One picture is processed in portions: the plane, the clusters,
+then part by part.
 """
 
 import math
@@ -38,6 +39,7 @@ PARTS, ROOM, EDGE = 6, 160 * 120, 49  # parts and points at most; points of an o
 NOTHING, BOX, CAN = range(3)
 BELOW, PLANE, NOISE = -3, -2, -1  # kinds of points; from 0 on the number of a cluster
 LOST = len(STATUS)
+NOT_YET = LOST + 1  # a part that is still to be looked for
 # What `told` holds, where the plane is in the table's frame, and `found` of each part.
 PIXELS, VOXELS, ABOVE, CLUSTERED, CLUSTERS, NORMAL, OFF = 0, 1, 2, 3, 4, 5, 8
 SHIFT, TURN, SHIFT_SIGMA, TURN_SIGMA, THROUGH, TRUST, X, Y, YAW = range(9)
@@ -74,6 +76,12 @@ STATE = Record(
     report=Field(0.0, shape=(9,)),
     result=Field(0.0, shape=(PARTS, 9)),
     time=Field(0.0, unit="s"),
+    # What the portions hand on: the picture, whose pixels are whose, their clusters, and the plane.
+    remaining=Field(0),
+    depths=Field(0.0, shape=(CAMERA.height, CAMERA.width), unit="m"),
+    ids=Field(0, shape=(CAMERA.height, CAMERA.width)),
+    labels=Field(0, shape=(ROOM,)),
+    table=Field(0.0, shape=(4,)),
     held=Field(0),  # 1 the picked part, -1 its knob; 0 nothing
     grip=Field(0.0, shape=(2,), unit="m"),
 )
@@ -88,17 +96,18 @@ _STAGES = ("grid", "plane", "clusters", "poses")
 _clock: dict[str, float] = {}
 
 
-def _mark(stage):
+def _mark(stage, add=False):
     """Note how long a stage of the image took; a page in a browser has no clock for it."""
     now = time.perf_counter()
     if stage >= 0:
-        MILLISECONDS[_STAGES[stage]] = 1e3 * (now - _clock["ended"])
+        before = MILLISECONDS[_STAGES[stage]] if add else 0.0
+        MILLISECONDS[_STAGES[stage]] = before + 1e3 * (now - _clock["ended"])
     _clock["ended"] = now
 
 
 @overload(_mark)
-def _unmarked(stage):
-    return lambda stage: None
+def _unmarked(stage, add=False):
+    return lambda stage, add=False: None
 
 
 @register_jitable
@@ -266,10 +275,11 @@ def judge_part(z, ids, labels, shapes, number, plane, on_table, sensor, row):
 
 @register_jitable
 def measure(controls, state):
-    """Take the picture of this moment, and do with it all that the controls say."""
-    shapes, sensor = scene(controls["pieces"], controls["distance"]), sensor_of(controls)
+    """Take the picture of this moment and find the table in it; the rest follows in portions."""
+    shapes = scene(controls["pieces"], controls["distance"])
     picture = math.floor(RATE * state["time"])
     z, ids, seed = take_image(shapes, controls, picture)
+    state["depths"][:], state["ids"][:] = z, ids
     _mark(-1)
     # Pipeline: back-project the depth, average in voxels, fit the plane, cluster what lies above
     # it, estimate a pose for each cluster.
@@ -278,41 +288,87 @@ def measure(controls, state):
     _mark(0)
     tolerance = 1e-3 * controls["tolerance"]
     plane = find_table(z, cells, tolerance, controls["plane"] == 1, seed)
-    # Signed distances to the plane, of the voxel means and of all points.
-    height, high = heights(plane, cells), heights(plane, points)
+    height, n, kinds = heights(plane, cells), cells.shape[1], state["kinds"]
     _mark(1)
-    up = height > tolerance
-    groups, labels = find_clusters(z, points, pixels, cells, up, high > tolerance, controls)
-    n, kinds = height.size, state["kinds"]
-    kinds[:n] = np.where(up, groups, np.where(height < -tolerance, BELOW, PLANE))
-    _mark(2)
+    above = height > tolerance
+    kinds[:n] = np.where(above, NOISE, np.where(height < -tolerance, BELOW, PLANE))
     # The table's frame is known exactly here, so errors of the plane can be stated in it.
     table, report = shapes.poses[:, 0].copy(), state["report"]
     back = to_matrix(table[3:]).T
-    report[PIXELS], report[VOXELS], report[ABOVE] = pixels.size, n, np.count_nonzero(up)
-    report[CLUSTERED], report[CLUSTERS] = np.count_nonzero(groups >= 0), max(labels.max() + 1, 0)
+    report[PIXELS], report[VOXELS], report[ABOVE] = pixels.size, n, np.count_nonzero(above)
+    report[CLUSTERED], report[CLUSTERS] = 0.0, 0.0
     report[NORMAL : NORMAL + 3] = apply(back, plane[:3])
     report[OFF] = heights(plane, table[:3])
-    on = select(points, np.abs(high) < tolerance)
-    on_table = some_of(on, np.maximum(depth_deviation(on[2], CAMERA, sensor), 1e-7))
-    number = 0
-    for k in range(PARTS):
-        row = state["result"][k]
-        row[:] = 0.0
-        row[TRUST] = LOST
-        if controls["pieces"][k, 0] != NOTHING:
-            number += 1
-            judge_part(z, ids, labels, shapes, number, plane, on_table, sensor, row)
-    _mark(3)
+    state["table"][:] = plane
     state["points"][:, :n] = apply(back, cells - table[:3].reshape(3, 1))
+    state["result"][:] = 0.0
+    state["result"][:, TRUST] = NOT_YET
+    state["remaining"] = 1 + PARTS
+
+
+@register_jitable
+def _cluster(controls, state):
+    """Find the clusters in the picture of the state."""
+    z, plane, tolerance = (
+        state["depths"].copy(),
+        state["table"].copy(),
+        1e-3 * controls["tolerance"],
+    )
+    points, pixels = unproject(z, CAMERA)
+    cells, _ = means_in_cells(points, 1e-3 * controls["voxel"])
+    height, high = heights(plane, cells), heights(plane, points)
+    _mark(-1)
+    above = height > tolerance
+    groups, labels = find_clusters(z, points, pixels, cells, above, high > tolerance, controls)
+    _mark(2)
+    state["labels"][:] = labels
+    state["kinds"][: height.size][above] = groups[above]
+    report = state["report"]
+    report[CLUSTERED], report[CLUSTERS] = np.count_nonzero(groups >= 0), max(labels.max() + 1, 0)
+
+
+@register_jitable
+def _look_for(controls, state, k):
+    """Look for a part in the picture of the state."""
+    row, number = state["result"][k], np.count_nonzero(controls["pieces"][: k + 1, 0] != NOTHING)
+    row[TRUST] = LOST
+    if controls["pieces"][k, 0] == NOTHING:
+        return
+    _mark(-1)
+    shapes, sensor = scene(controls["pieces"], controls["distance"]), sensor_of(controls)
+    z, plane = state["depths"].copy(), state["table"].copy()
+    points, _ = unproject(z, CAMERA)
+    on = select(points, np.abs(heights(plane, points)) < 1e-3 * controls["tolerance"])
+    on_table = some_of(on, np.maximum(depth_deviation(on[2], CAMERA, sensor), 1e-7))
+    ids, labels = state["ids"].copy(), state["labels"].copy()
+    judge_part(z, ids, labels, shapes, number, plane, on_table, sensor, row)
+    _mark(3, number > 1)
+
+
+@register_jitable
+def complete(controls, state):
+    """Find the clusters, then one part after another."""
+    if state["remaining"] > PARTS:
+        _cluster(controls, state)
+    else:
+        _look_for(controls, state, PARTS - state["remaining"])
+    state["remaining"] -= 1
+    # Nothing has to be computed for places without a part.
+    while 0 < state["remaining"] <= PARTS:
+        k = PARTS - state["remaining"]
+        if controls["pieces"][k, 0] != NOTHING:
+            break
+        state["result"][k, TRUST] = LOST
+        state["remaining"] -= 1
 
 
 def advance(state, controls, seconds):
     """Advance the simulation: the camera takes pictures at its rate; the newest one counts."""
     before = math.floor(RATE * state["time"])
     state["time"] += seconds
-    # A new picture only when its time has come; several missed ones are one.
-    if math.floor(RATE * state["time"]) > before:
+    # A new picture only when its time has come; several missed ones are one. While one is still
+    # being processed, none is taken.
+    if math.floor(RATE * state["time"]) > before and state["remaining"] == 0:
         measure(controls, state)
 
 
@@ -328,7 +384,7 @@ _SKY, _GOLD, _PINK, _SAND, _PALE, _STONE = colour(
 )
 _INKS = (_PALE, _STONE, draw.INK, draw.BLUE, _GOLD, _PINK, _SKY, draw.PURPLE)  # from BELOW on
 _FOUND = (draw.GREEN, draw.ORANGE, draw.ORANGE, draw.RED)
-_TRUST = word(*STATUS, "lost")[0]
+_TRUST = word(*STATUS, "lost", "being looked for")[0]
 _COUNTS = word("pixels measured", "voxels", "above the plane", "in clusters", "clusters")[0]
 _PLANE_OFF, _PICKED, _MM, _AND, _DEGREES, _PERCENT, _BLIND, _NONE = word(
     "plane is off", "picked part", " mm", ", ", "°", " %", "not seen", "none"
@@ -424,7 +480,7 @@ def frame(pen, state, controls):
     draw.number(pen, math.degrees(math.acos(min(report[NORMAL + 2], 1.0))), 1, _DEGREES)
     draw.reading(pen, _PICKED, 0.0, 0, 0, _TRUST + int(result[TRUST]))
     for k in (SHIFT, SHIFT_SIGMA, TURN, TURN_SIGMA, THROUGH):
-        instead = _NONE if result[TRUST] == LOST else (_BLIND if result[k] < 0.0 else 0)
+        instead = _NONE if result[TRUST] >= LOST else (_BLIND if result[k] < 0.0 else 0)
         draw.reading(pen, _OF_PART + k, _UNITS[k][0] * result[k], 2, _UNITS[k][1], instead)
 
 
@@ -556,6 +612,7 @@ MODEL = Model(
     grab,
     press,
     live_drag=True,
+    complete=complete,
     aside=spent,
     readouts=READOUTS,
 )

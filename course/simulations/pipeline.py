@@ -104,6 +104,7 @@ STATE = Record(
     moved=Field(0),
     report=Field(0.0, shape=(PARTS + 2 * len(STAGES),)),
     values=Field(0.0, shape=(16,)),  # the controls that this was computed for
+    remaining=Field(0),  # runs that are missing until the report is complete
     time=Field(0.7, unit="s"),  # it is first seen on its way, not while it waits for a picture
 )
 
@@ -180,14 +181,6 @@ class Count:
 def count(values):
     """Return the count that belongs to the controls, wherever it has come to."""
     return Count(values)
-
-
-def counted(values):
-    """Return the complete report of the run as the controls have it."""
-    whole = count(values)
-    while whole.more():
-        pass
-    return whole.report
 
 
 def _portions(values, observed, report):
@@ -358,17 +351,32 @@ def _reachable(x, y):
     return x, y
 
 
-def computed(values, moves):
-    """Return the report, and what is drawn, in the order of the state."""
+def computed(values, moves, more):
+    """Return the report, and what is drawn, in the order of the state.
+
+    Args:
+        values: the controls, as numbers.
+        moves: of the target: when [s] and where to [m], (3, M).
+        more: whether another portion of the report is computed first.
+    """
     key = tuple(values.tolist())
-    report = counted(key)
-    # Without a move the run that was reported on is the one that is drawn.
-    return report, *(shown(key, moves) if moves.size else count(key).drawn)
+    whole = count(key)
+    if more:
+        whole.more()
+    # Without a move the run that is reported on is the one that is drawn.
+    return whole.report, *(shown(key, moves) if moves.size else whole.drawn)
+
+
+def reported(values):
+    """Return the report with another portion."""
+    whole = count(tuple(values.tolist()))
+    whole.more()
+    return whole.report
 
 
 @register_jitable
-def _fill(state):
-    """Write all that is computed into the state."""
+def _fill(state, more):
+    """Write what has been computed into the state, with another portion or without."""
     # Planning and estimation are Python: compiled code calls them in object mode.
     values, moves = state["values"].copy(), state["moves"][:, : int(state["moved"])].copy()
     with objmode(
@@ -381,8 +389,9 @@ def _fill(state):
         paths="float64[:,:,:]",
         ready="float64[:]",
     ):
-        report, q, desired, target, observed, tree, paths, ready = computed(values, moves)
+        report, q, desired, target, observed, tree, paths, ready = computed(values, moves, more)
     state["report"][:], state["ready"][:] = report, ready
+    state["remaining"] = int(report[LEFT])
     state["q"][:], state["reference"][:], state["target"][:] = q, desired, target
     state["sightings"][:], state["tree"][:], state["paths"][:] = observed, tree, paths
 
@@ -408,36 +417,22 @@ def _take(controls, state):
 
 @register_jitable
 def initial(controls, state):
-    """Set up the run, its repairs, and the successes of other seeds."""
-    _take(controls, state)
-    _fill(state)
-
-
-def draft(controls, state):
     """Set up the run, or its beginning where planning takes long; `complete` adds the rest."""
     _take(controls, state)
-    _put(state, count(tuple(state["values"].tolist())))
+    _fill(state, False)
 
 
-def complete(state):
-    """Add the rest of a long run, or a few more runs, to what was drafted.
-
-    Returns:
-        Whether any are left.
-    """
-    whole = count(tuple(state["values"].tolist()))
-    left = whole.more()
-    _put(state, whole)
-    return left
-
-
-def _put(state, whole):
-    """Write what has been counted into the state, and its run unless the target was moved since."""
-    state["report"][:] = whole.report
-    fields = "q", "reference", "target", "sightings", "tree", "paths", "ready"
+def complete(controls, state):
+    """Continue a long run, or add a few more runs to the report."""
     if state["moved"] == 0:
-        for name, value in zip(fields, whole.drawn, strict=True):
-            state[name][:] = value
+        _fill(state, True)
+    else:
+        # The run that is drawn has its target moved, and it is there already.
+        values = state["values"].copy()
+        with objmode(report="float64[:]"):
+            report = reported(values)
+        state["report"][:] = report
+        state["remaining"] = int(report[LEFT])
 
 
 def advance(state, controls, seconds):
@@ -451,7 +446,7 @@ def advance(state, controls, seconds):
         state["time"] -= SECONDS + PAUSE
         if state["moved"] > 0:
             state["moved"] = 0
-            _fill(state)
+            _fill(state, False)
 
 
 TITLE = "The whole pipeline: see, plan, control, move"
@@ -644,7 +639,7 @@ def drag(controls, state, x, y):
         state["moves"][0, count - 1] = t
     state["moves"][1, count - 1], state["moves"][2, count - 1] = _reachable(u, v)
     state["moved"] = count
-    _fill(state)
+    _fill(state, False)
 
 
 PRESETS = {
@@ -720,6 +715,5 @@ MODEL = Model(
     drag,
     live_drag=True,
     readouts=READOUTS,
-    draft=draft,
     complete=complete,
 )

@@ -6,9 +6,10 @@ those; each in a process of its own, so that the same sources give the same byte
 CPUs compute the same constants.
 
 For a host. A module exports `memory`, `__heap_base` and those of `initial, advance, frame, drag,
-grab, press` that the model has. It imports functions of "env" that take and return f64, named as in
-the C library (`compiler.MATHS`). The host lays its arrays out from `__heap_base` on, grows the
-memory to hold them before its first call, and renews its views when the memory has grown. A call is
+grab, press, complete` that the model has. It imports functions of "env" that take and return f64,
+named as in the C library (`compiler.MATHS`). The host lays its arrays out from `__heap_base` on,
+grows the memory to hold them before its first call, and renews its views when the memory has grown.
+A call is
 
     status = f(result, exception, arguments...)
 
@@ -74,6 +75,7 @@ def signatures(model: Model) -> dict[str, tuple[Any, ...]]:
         "drag": (controls, state, number, number),
         "grab": (controls, state, number, number),
         "press": (controls, state, types.int64),
+        "complete": (controls, state),
     }
     return {name: each for name, each in takes.items() if getattr(model, name) is not None}
 

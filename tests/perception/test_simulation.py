@@ -106,10 +106,36 @@ def test_most_images_of_a_preset_show_what_its_note_says(preset, shows):
         experiment.choose(preset)
         experiment.state["time"] = (image + 0.5) / table.RATE
         table.measure(experiment.controls, experiment.state)
+        while experiment.complete():
+            pass
         result = experiment.state["result"][experiment.controls["pieces"][:, 0] > 0]
         status = [(*table.STATUS, "lost")[int(row[TRUST])] for row in result]
         count += bool(shows(experiment.state["report"], status, result))
     assert count >= 13, (preset, count)
+
+
+def test_one_picture_is_processed_in_portions():
+    run, whole = Experiment(MODEL), Experiment(MODEL)
+    run.in_portions = True
+    for experiment in (run, whole):
+        experiment.set(eps=20.0)
+    pieces = np.count_nonzero(run.controls["pieces"][:, 0])
+    seen = [run.state["report"][CLUSTERS]]
+    assert run.picture().numbers["picked part"] == "being looked for"
+    # No new picture while one is being processed.
+    before = run.state["depths"].copy()
+    run.advance(1.5 / table.RATE)
+    assert np.array_equal(run.state["depths"], before)
+    looked_for = []
+    while run.complete():
+        seen.append(run.state["report"][CLUSTERS])
+        looked_for.append(np.count_nonzero(run.state["result"][:, TRUST] > LOST))
+    assert seen[0] == 0.0 < seen[1] and len(seen) == pieces + 1
+    assert looked_for == [table.PARTS - k for k in range(pieces)]
+    run.state["time"] = 0.0
+    assert run.state.tobytes() == whole.state.tobytes()
+    run.advance(1.5 / table.RATE)
+    assert not np.array_equal(run.state["depths"], before)
 
 
 @pytest.mark.slow

@@ -164,34 +164,35 @@ def test_presets_between_the_extremes_show_what_their_notes_say():
     assert 0.015 < report[whole.AGE] * np.hypot(*scenario.velocity) < 0.02
 
 
-def test_a_draft_that_is_completed_is_what_the_start_computes():
-    whole_run, drafted = Experiment(whole.MODEL), Experiment(whole.MODEL)
+def test_portions_add_up_to_what_is_computed_at_once():
+    whole_run, slow = Experiment(whole.MODEL), Experiment(whole.MODEL)
     whole.count.cache_clear()
-    drafted.drafts = True
-    for run in (drafted, whole_run):
+    slow.in_portions = True
+    for run in (slow, whole_run):
         run.set(kp=60.0, noise=0.02)
-        if run is drafted:
+        if run is slow:
             # The run that is drawn is there at once, its successes and repairs are still to come.
             early = run.state["report"].copy()
             assert early[whole.LEFT] == whole.COUNTED + len(whole.blame.REPLAYED)
+            assert run.remaining == early[whole.LEFT]
             assert early[whole.HIGH] == 0.0 < early[whole.LIMIT]
             drawn = run.state["q"].copy()
             portions = 1
             while run.complete():
                 portions += 1
             assert portions > 8
-    assert drafted.state.tobytes() == whole_run.state.tobytes()
+    assert slow.state.tobytes() == whole_run.state.tobytes()
     assert np.array_equal(drawn, whole_run.state["q"])
     assert whole_run.state["report"][whole.LEFT] == 0.0 < whole_run.state["report"][whole.HIGH]
 
 
-def test_a_draft_of_a_run_that_plans_much_is_its_beginning():
+def test_the_first_portion_of_a_run_that_plans_much_is_its_beginning():
     """A slider is answered after a few plans; the rest comes between other messages."""
     whole.count.cache_clear()
-    drafted = Experiment(whole.MODEL)
-    drafted.drafts = True
-    drafted.choose("All to extremes")
-    state, report = drafted.state, drafted.state["report"]
+    slow = Experiment(whole.MODEL)
+    slow.in_portions = True
+    slow.choose("All to extremes")
+    state, report = slow.state, slow.state["report"]
     scenario, settings = whole.scenario_and_settings(tuple(state["values"].tolist()))
     record = chapter.run(scenario, settings, seed=whole.SEED)
     checks = np.cumsum([crossing.value.checks for crossing in record.plans])
@@ -204,7 +205,7 @@ def test_a_draft_of_a_run_that_plans_much_is_its_beginning():
     begun = np.flatnonzero((state["q"] == angles).all(axis=0))
     assert begun.size > 1 and np.array_equal(begun, np.arange(begun.size)), "it is its beginning"
     portions, counts = 0, [report[whole.CHECKS]]
-    while drafted.complete():
+    while slow.complete():
         portions += 1
         counts.append(report[whole.CHECKS])
     assert portions > 20 and max(np.diff(counts)) < 0.1 * checks[-1]
@@ -216,13 +217,14 @@ def test_a_draft_of_a_run_that_plans_much_is_its_beginning():
     assert report[whole.SHARE] == np.mean(chapter.successes(others))
 
 
-def test_a_target_that_is_moved_while_a_draft_is_completed_stays_moved():
+def test_a_target_that_is_moved_between_portions_stays_moved():
     whole.count.cache_clear()
-    drafted = Experiment(whole.MODEL)
-    drafted.drafts = True
-    drafted.set(kp=70.0)
-    drafted.drag(2.5, 3.7)
-    moved = drafted.state["q"].copy()
-    while drafted.complete():
+    slow = Experiment(whole.MODEL)
+    slow.in_portions = True
+    slow.set(kp=70.0)
+    slow.drag(2.5, 3.7)
+    moved = slow.state["q"].copy()
+    assert slow.remaining > 0, "a drag does not wait for the report"
+    while slow.complete():
         pass
-    assert np.array_equal(drafted.state["q"], moved)
+    assert np.array_equal(slow.state["q"], moved)

@@ -61,6 +61,30 @@ def test_both_ends_of_the_sliders(radius, delay):
         assert counted == pytest.approx(expected, abs=1.5 / faults.COUNTED)
 
 
+def test_the_chosen_combination_is_counted_first(experiment):
+    run = Experiment(faults.MODEL)
+    run.in_portions = True
+    run.choose("All on")
+    rates = run.state["rates"]
+    assert np.flatnonzero(~np.isnan(rates)).tolist() == [number(*faults.FAULTS)]
+    numbers = run.picture().numbers
+    assert numbers["success"].endswith(")")
+    assert numbers["lost together"] == numbers["strongest pair"] == "being counted"
+    texts = {item.words for item in faults.draw.decode(run.picture())}
+    assert "counted: 1 of 32 combinations" in texts
+    # A switch in between: what it chooses is counted next, and no result of another is shown.
+    run.set(mass=False)
+    chosen = number("step", "friction", "camera", "no_randomisation")
+    assert run.picture().numbers["success"] == "being counted" and np.isnan(rates[chosen])
+    assert run.complete() and not np.isnan(rates[chosen]) and run.remaining == 30
+    portions = 1
+    while run.complete():
+        portions += 1
+    assert portions == 30 and "being counted" not in run.picture().text
+    assert np.array_equal(rates, experiment.state["rates"])
+    assert np.array_equal(run.state["q"], experiment.state["q"])
+
+
 def test_which_pairs_interact(experiment):
     """Step and camera reinforce each other, friction makes up, the mass does nothing."""
     rates = experiment.state["rates"]

@@ -66,11 +66,34 @@ def test_the_arms_and_the_costliest_part_are_those_of_the_chapter(preset):
     }.get(kind, chapter.nominal())
     np.testing.assert_allclose(plants.columns_of(fields), believed.columns(), rtol=1e-12)
     home, *rates = (
-        chapter.rollouts(chapter.mended(arm, some), law, counted_tasks(arms.SHARED)).rate
+        chapter.rollouts(chapter.mended(arm, some), law, counted_tasks(arms.PORTION)).rate
         for some in ((), *((part,) for part in arms.PARTS))
     )
     costs = home - np.array(rates)
     assert report[arms.COSTS] == costs.max() and report[arms.PART] == np.argmax(costs)
+
+
+def test_the_shares_grow_portion_by_portion_to_what_is_counted_at_once():
+    run, whole = Experiment(arms.MODEL), Experiment(arms.MODEL)
+    run.in_portions = True
+    for experiment in (run, whole):
+        experiment.choose("Wide range, far gap")
+    report = run.state["report"]
+    assert np.isnan(report[arms.SHARE]) and report[arms.LIMIT] == whole.state["report"][arms.LIMIT]
+    assert run.picture().numbers["success, real"] == "being counted"
+    # After the first block of both arms the shares are those of its tasks, with a wider band.
+    run.complete(), run.complete()
+    half = report.copy()
+    posed = counted_tasks(arms.PORTION)
+    policy = gains(arms.RANGE, width=1.0)
+    expected = chapter.rollouts(chapter.real(1.0, 0.01), policy, posed).rate
+    assert half[4 + arms.SHARE] == expected
+    assert run.picture().numbers["costliest difference"] == "being counted"
+    while run.complete():
+        pass
+    assert run.state.tobytes() == whole.state.tobytes()
+    assert np.ptp(half[5:7]) > 1.2 * np.ptp(report[5:7])
+    assert "being counted" not in run.picture().text
 
 
 @pytest.mark.prove

@@ -23,6 +23,7 @@ class Compiled:
             "drag": (controls, state, real, real),
             "grab": (controls, state, real, real),
             "press": (controls, state, numba.int64),
+            "complete": (controls, state),
         }
         for name, arguments in takes.items():
             function = getattr(self.given, name)

@@ -11,6 +11,7 @@ import pytest
 from course.simulations import simulation
 from course.simulations.model import Experiment, recorded
 from course.simulations.panel import Panel
+from course.simulations.record import Field, Record
 from course.simulations.rigid_body import MODEL as BOX
 from tests.budget import PROVE
 from tests.simulations.models import MODELS, WALK
@@ -175,22 +176,66 @@ def test_play_without_an_event_loop_says_so(panel):
         panel.play()
 
 
-def test_a_slider_shows_a_draft_at_once_which_is_completed_between_messages():
+def in_portions():
+    """A model whose place takes three portions, and the places that were reached in the others."""
     portions = []
 
     def initial(controls, state):
-        state["x"] = 3.0
+        state["x"], state["remaining"] = 1.0, 2
 
-    def draft(controls, state):
-        state["x"] = 1.0
-
-    def complete(state):
+    def complete(controls, state):
         state["x"] += 1.0
+        state["remaining"] -= 1
         portions.append(float(state["x"]))
-        return bool(state["x"] < 3.0)
 
-    made = Panel(replace(WALK, initial=initial, draft=draft, complete=complete))
+    def drag(controls, state, x, y):
+        initial(controls, state)
+
+    def advance(state, controls, seconds):
+        if state["remaining"] == 0:
+            initial(controls, state)
+
+    state = Record(**WALK.state.fields, remaining=Field(0))
+    functions = {"initial": initial, "complete": complete, "drag": drag, "advance": advance}
+    functions["press"] = lambda controls, state, key: initial(controls, state)
+    return replace(WALK, state=state, **functions), portions
+
+
+def test_a_program_waits_until_all_portions_are_done():
+    model, portions = in_portions()
+    experiment = Experiment(model)
+    calls = [
+        experiment.start,
+        lambda: experiment.set(seed=3),
+        lambda: experiment.choose("Jump"),
+        lambda: experiment.advance(0.1),
+        lambda: experiment.drag(1.0, 1.0),
+        lambda: experiment.press("+"),
+    ]
+    for k, call in enumerate(calls):
+        call()
+        assert experiment.state["x"] == 3.0 and len(portions) == 2 * (k + 2)
+        assert experiment.remaining == 0 and not experiment.complete()
+    assert len(portions) == 2 * (len(calls) + 1)
+    experiment.in_portions = True
+    experiment.start()
+    assert experiment.state["x"] == 1.0 and experiment.remaining == 2
+    unfinished = experiment.controls.tobytes(), experiment.state.tobytes()
+    experiment.in_portions = False
+    experiment.take(*unfinished)  # a page that had two portions left
+    assert experiment.state["x"] == 3.0 and experiment.remaining == 0
+
+
+def test_portions_need_a_place_in_the_state():
+    with pytest.raises(ValueError, match="remaining"):
+        replace(WALK, complete=lambda controls, state: None)
+
+
+def test_a_slider_shows_the_first_portion_and_the_others_follow_between_messages():
+    model, portions = in_portions()
+    made = Panel(model)
     assert made.state["x"] == 3.0  # a cell waits until all is there
+    portions.clear()
 
     async def run():
         made.inputs["seed"].value = 7
@@ -205,9 +250,16 @@ def test_a_slider_shows_a_draft_at_once_which_is_completed_between_messages():
         assert made.state["x"] == 1.0
         while made._completing is not None:
             await asyncio.sleep(0.002)
+        assert portions == [2.0, 3.0, 2.0, 3.0]
+        # So do a pointer and a key, and time that runs.
+        for message in ({"type": "move", "x": 2.0, "y": 1.0}, {"type": "key", "key": "+"}):
+            made.canvas._handle_custom_msg(message, [])
+            assert made.state["x"] == 1.0
+            while made._completing is not None:
+                await asyncio.sleep(0.002)
+            assert made.state["x"] == 3.0
 
     asyncio.run(run())
-    assert portions == [2.0, 3.0, 2.0, 3.0]
     made.inputs["seed"].value = 9  # without an event loop nobody could complete it
     assert made.state["x"] == 3.0
     made.close()

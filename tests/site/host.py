@@ -91,7 +91,7 @@ class Hosted(Instance):
             model.state.dtype: self.room(model.state.dtype.itemsize),
             np.dtype(float): self.room(model.paper.pen().nbytes + 64),
         }
-        for name in ("initial", "advance", "frame", "drag", "grab", "press"):
+        for name in ("initial", "advance", "frame", "drag", "grab", "press", "complete"):
             has = name in signatures(model)
             setattr(self, name, self._function(name) if has else None)
 

@@ -91,10 +91,17 @@ def test_a_declaration_is_what_the_model_declares(name: str, monkeypatch: Any) -
         if field.step:
             steps = (field.high - field.low) / field.step
             assert abs(steps - round(steps)) < 1e-9, each["name"]
-    has = {f for f in ("drag", "grab", "press") if getattr(model, f) is not None}
+    has = {f for f in ("drag", "grab", "press", "complete") if getattr(model, f) is not None}
     assert set(made["functions"]) == {"initial", "advance", "frame"} | has
     assert made["keys"] == (list(KEYS) if model.press is not None else [])
     assert made["live_drag"] == model.live_drag
+    # Where the number of remaining portions is, the record of the state has it.
+    assert ("remaining" in made["state"]) == (model.complete is not None)
+    if model.complete is not None:
+        state = model.state.new()
+        state["remaining"] = 1234567
+        offset = made["state"]["remaining"]
+        assert int.from_bytes(state.tobytes()[offset : offset + 8], "little") == 1234567
 
 
 def test_one_that_is_neither_compiled_nor_recorded_is_refused(monkeypatch: Any) -> None:

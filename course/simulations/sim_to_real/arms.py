@@ -1,7 +1,7 @@
 """Chapter 8's simulation: one policy on the arm it was tuned for and on the real one.
 
-Both rates of success are counted on common tasks at every change. The policies are those on record
-(`course.sim_to_real.recorded`).
+Both rates of success are counted on common tasks after every change, in portions. The policies are
+those on record (`course.sim_to_real.recorded`).
 """
 
 import math
@@ -21,7 +21,7 @@ from course.simulations.interval import score_interval
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider
 
-COUNTED, SHARED, SEED, PAUSE = 256, 128, 17, 0.6  # episodes; of each part alone; pause [s]
+COUNTED, PORTION, SEED, PAUSE = 256, 128, 17, 0.6  # episodes; of a portion; pause [s]
 SAMPLES = round(plants.SECONDS / plants.DT)
 NEAREST, FARTHEST = 0.15, 0.85  # of a target [m]
 START = (0.3, 1.6)  # where the shown episode starts [rad]
@@ -29,9 +29,10 @@ PARTS, _LENGTHS = tuple(transfer.PARTS), tuple(map(float, plants.ARM.lengths))
 NOMINAL, RANGE, IDENTIFIED, BOTH, DELAY, LOAD = range(6)
 SIMULATED, REAL = range(2)
 # What `report` holds: of both arms share, ends of its band, and how the shown episode ended; then
-# the latest command that is stable [s], the gain margin, the part that costs most and what.
+# the latest command that is stable [s], the gain margin, the part that costs most and what, and the
+# success on the unchanged simulator. A share that is not counted yet is not a number.
 SHARE, LOW, HIGH, ENDED = range(4)
-LIMIT, GAIN, PART, COSTS = range(8, 12)
+LIMIT, GAIN, PART, COSTS, AT_HOME = range(8, 13)
 
 CONTROLS = Record(
     gap=slider("Reality Gap", 0.3, 0.0, 1.0, 0.1, "", 1),
@@ -53,8 +54,9 @@ CONTROLS = Record(
 )
 STATE = Record(
     q=Field(0.0, shape=(2, 2, SAMPLES + 1), unit="rad"),
-    report=Field(0.0, shape=(12,)),
+    report=Field(0.0, shape=(13,)),
     time=Field(0.0, unit="s"),
+    remaining=Field(0),
 )
 
 # The gains on record, rows as in `tune.ROWS`.
@@ -70,6 +72,9 @@ _CONTROLLERS = plants.controller_numbers(np.zeros((6, 1)))
 _HAS = np.array([[name in transfer.PARTS[part] for name in plants.FIELDS] for part in PARTS])
 _DELAYED, _LOADED = PARTS.index("delay"), PARTS.index("load")
 _STEPS, _WIDTHS = len(DELAYS) - 1, len(GRID) - 1
+# Portions: of both arms, then of the unchanged simulator, then of each part.
+_BLOCKS = COUNTED // PORTION
+_UNCHANGED, _PORTIONS = 2 * _BLOCKS, 2 * _BLOCKS + 1 + len(PARTS)
 
 
 @register_jitable
@@ -106,18 +111,20 @@ def run_episodes(fields, gains, start, reference, goal, noise, trace):
 
 
 @register_jitable
-def success(fields, gains, count, noise):
-    """Return whether an arm succeeded in each of the first common tasks, (count,)."""
-    some = slice(0, count)
-    return run_episodes(
-        fields,
-        gains,
-        _STARTS[:, some],
-        _REFERENCES[:, some],
-        _GOALS[:, some],
-        noise,
-        np.empty((0, 1, 1)),
-    )[0]
+def success(fields, gains, block, noise):
+    """Return the share of the common tasks of one block, of `PORTION` tasks, that succeed."""
+    some = slice(PORTION * block, PORTION * (block + 1))
+    return np.mean(
+        run_episodes(
+            fields,
+            gains,
+            _STARTS[:, some],
+            _REFERENCES[:, some],
+            _GOALS[:, some],
+            noise[:, :, some].copy(),
+            np.empty((0, 1, 1)),
+        )[0]
+    )
 
 
 @register_jitable
@@ -197,26 +204,29 @@ def _setting(controls):
     return gains, believed, plants.fields_of(gap, delay)
 
 
-@register_jitable
-def count(controls, report):
-    """Write all of the report but how the shown episode ended; both arms get the same tasks."""
+def complete(controls, state):
+    """Count one more portion of the common tasks; both arms get the same tasks."""
     gains, believed, arm = _setting(controls)
-    noise = unit_noise()
-    # The same tasks on the arm in simulation and on the real one: the difference is the reality
-    # gap.
-    for k in range(2):
-        share = np.mean(success(believed if k == SIMULATED else arm, gains, COUNTED, noise))
-        low, high = score_interval(share, COUNTED)
+    report, noise, at = state["report"], unit_noise(), _PORTIONS - state["remaining"]
+    if at < _UNCHANGED:
+        # The same tasks on the arm in simulation and on the real one: the difference is the reality
+        # gap. Both shares grow side by side.
+        k, block = at % 2, at // 2
+        share = success(believed if k == SIMULATED else arm, gains, block, noise)
+        if block > 0:
+            share = (block * report[4 * k + SHARE] + share) / (block + 1)
+        low, high = score_interval(share, PORTION * (block + 1))
         report[4 * k + SHARE], report[4 * k + LOW], report[4 * k + HIGH] = share, low, high
-    report[LIMIT], report[GAIN] = stability(plants.columns_of(arm), gains)
-    # Attribute the gap: the nominal arm with a single part taken from the real one, and the success
-    # that this costs alone. These costs need not add up.
-    home = np.mean(success(HOME.copy(), gains, SHARED, noise))
-    report[COSTS] = -1.0
-    for part in range(len(PARTS)):
-        cost = home - np.mean(success(mended(arm, part), gains, SHARED, noise))
+    elif at == _UNCHANGED:
+        # Attribute the gap: the nominal arm with a single part taken from the real one, and the
+        # success that this costs alone. These costs need not add up.
+        report[AT_HOME], report[COSTS] = success(HOME.copy(), gains, 0, noise), -1.0
+    else:
+        part = at - _UNCHANGED - 1
+        cost = report[AT_HOME] - success(mended(arm, part), gains, 0, noise)
         if cost > report[COSTS]:
             report[PART], report[COSTS] = part, cost
+    state["remaining"] -= 1
 
 
 @register_jitable
@@ -245,8 +255,12 @@ def show(controls, state):
 
 
 def initial(controls, state):
-    """Count both rates on the common tasks, and run the shown episode on both arms."""
-    count(controls, state["report"])
+    """Run the shown episode on both arms; the common tasks are counted in portions."""
+    gains, _, arm = _setting(controls)
+    report = state["report"]
+    report[LIMIT], report[GAIN] = stability(plants.columns_of(arm), gains)
+    report[SHARE], report[4 + SHARE] = math.nan, math.nan
+    state["remaining"] = _PORTIONS
     show(controls, state)
 
 
@@ -265,12 +279,13 @@ _RATE, _FAR, _TIME, _TARGET, _LATE, _LIMIT = word(
 )
 _SUCCESS, _SHOWN = word("success, simulated", "success, real")[0], word("this reach, simulated")[0]
 _BAND, _TO, _CLOSE, _PERCENT, _MS, _NONE, _COMMA = word(" % (", "-", ")", " %", " ms", "none", ", ")
-_REALLY, _STABLE, _GAIN, _WORST, _LEFT = word(
+_REALLY, _STABLE, _GAIN, _WORST, _SPARE, _COUNTING = word(
     "this reach, real",
     "longest stable delay",
     "gain margin",
     "costliest difference",
     "delay to spare",
+    "being counted",
 )
 _COLOUR = (draw.BLUE, draw.ORANGE)
 _SCENES, _VIEW = ((0.1, 3.0, 1.7, 4.6), (3.15, 6.05, 1.7, 4.6)), (-0.95, 0.95, -0.95, 0.95)
@@ -319,10 +334,11 @@ def frame(pen, state, controls):
         )
         # Success rates as bars with Wilson's interval.
         draw.chart(pen, _RATES[k], (0.0, 100.0, 0.0, 1.0), _RATE, 0, 0, 5, 0)
-        draw.box(pen, 0.0, share, 0.0, 1.0, _COLOUR[k])
-        draw.segment(pen, low, 0.5, high, 0.5, draw.INK, 3.0)
-        for end in (low, high):
-            draw.segment(pen, end, 0.15, end, 0.85, draw.INK, 2.0)
+        if not math.isnan(share):
+            draw.box(pen, 0.0, share, 0.0, 1.0, _COLOUR[k])
+            draw.segment(pen, low, 0.5, high, 0.5, draw.INK, 3.0)
+            for end in (low, high):
+                draw.segment(pen, end, 0.15, end, 0.85, draw.INK, 2.0)
     draw.chart(pen, _CHART, (0.0, plants.SECONDS, 0.0, 50.0), _TIME, 0, _FAR, 3, 5)
     draw.segment(
         pen,
@@ -344,20 +360,23 @@ def frame(pen, state, controls):
     draw.window(pen)
     for k in range(2):
         draw.key(pen, 6.75 + 1.15 * k, 1.62, _HEADING + k, _COLOUR[k], 4.0)
-        draw.reading(pen, _SUCCESS + k, 100.0 * report[4 * k], 0)
-        draw.words(pen, _BAND)
-        draw.number(pen, 100.0 * report[4 * k + LOW], 0, _TO)
-        draw.number(pen, 100.0 * report[4 * k + HIGH], 0, _CLOSE)
+        counted = not math.isnan(report[4 * k])
+        draw.reading(pen, _SUCCESS + k, 100.0 * report[4 * k], 0, 0, 0 if counted else _COUNTING)
+        if counted:
+            draw.words(pen, _BAND)
+            draw.number(pen, 100.0 * report[4 * k + LOW], 0, _TO)
+            draw.number(pen, 100.0 * report[4 * k + HIGH], 0, _CLOSE)
     for k in range(2):
         ended = _REASON + int(report[4 * k + ENDED])
         draw.reading(pen, _SHOWN if k == SIMULATED else _REALLY, 0.0, 0, 0, ended)
     draw.reading(pen, _STABLE, 1e3 * report[LIMIT], 1, _MS)
-    draw.reading(pen, _LEFT, 1e3 * report[LIMIT] - controls["delay"], draw.SIGNED + 1, _MS)
+    draw.reading(pen, _SPARE, 1e3 * report[LIMIT] - controls["delay"], draw.SIGNED + 1, _MS)
     draw.reading(pen, _GAIN, report[GAIN], 2, 0, 0 if report[GAIN] > 0.0 else _NONE)
-    draw.reading(
-        pen, _WORST, 0.0, 0, 0, _PART + int(report[PART]) if report[COSTS] > 0.0 else _NONE
-    )
-    if report[COSTS] > 0.0:
+    worst = _PART + int(report[PART]) if report[COSTS] > 0.0 else _NONE
+    if state["remaining"] > 0:
+        worst = _COUNTING
+    draw.reading(pen, _WORST, 0.0, 0, 0, worst)
+    if report[COSTS] > 0.0 and state["remaining"] == 0:
         draw.words(pen, _COMMA)
         draw.number(pen, 100.0 * report[COSTS], 0, _PERCENT)
 
@@ -428,4 +447,5 @@ MODEL = Model(
     drag,
     live_drag=True,
     readouts=READOUTS,
+    complete=complete,
 )

@@ -1,7 +1,7 @@
 """Five faults of a robot, each with a switch: do their effects add?
 
 One arm of the chapter reaches for targets. Every combination of the faults is counted on the same
-tasks when the simulation starts, so a switch only looks up another result.
+tasks after the simulation has started, one after another, so a switch only looks up another result.
 """
 
 import math
@@ -38,7 +38,8 @@ CONTROLS = Record(
     delay=slider("Actuator delay", 6.0, 0.0, 12.0, 1.0, "ms", 0),
 )
 STATE = Record(
-    rates=Field(0.0, shape=(COMBINATIONS,)),
+    rates=Field(math.nan, shape=(COMBINATIONS,)),  # not a number where it is not counted yet
+    remaining=Field(COMBINATIONS),
     q=Field(0.0, shape=(COMBINATIONS, 2, SAMPLES + 1), unit="rad"),
     time=Field(0.0, unit="s"),
 )
@@ -66,43 +67,42 @@ def has(combination, fault):
 
 
 @register_jitable
-def count(radius, delay, rates, q):
-    """Write the success rate of each combination, (32,), and its shown reach, (32, 2, samples).
+def count(some, radius, delay, q):
+    """Return the success rate of a combination, and write the angles of its shown reach.
 
     Args:
+        some: number of the combination.
         radius: of the target [m].
         delay: of the command [s].
-        rates: to be filled.
-        q: to be filled, angles [rad]; after a reach with long steps the rest repeats its end.
+        q: to be filled, (2, samples) [rad]; after a reach with long steps the rest repeats its end.
     """
     rest = np.zeros((4, COUNTED + 1))
     rest[:2] = _STARTS
-    for some in range(COMBINATIONS):
-        dt = SLOW_STEP if has(some, STEP) else plants.DT
-        fields = HOME.copy()
-        fields[0] = HEAVIER if has(some, MASS) else 1.0
-        fields[3] = _DRY if has(some, FRICTION) else 0.0
-        fields[5] = delay
-        # The camera reports the goal elsewhere; the tip is judged at the true goal.
-        observed = _GOALS.copy()
-        observed[0] += CAMERA if has(some, OFFSET) else 0.0
-        references = plants.reference_angles(_STARTS, observed)
-        numbers = np.empty((1, 2, _CONTROLLERS.shape[2]))
-        numbers[0] = _CONTROLLERS[1 if has(some, STEP) else 0]
-        numbers[0, :, :3] = _GAINS[0 if has(some, PLAIN) else 1].copy().reshape(2, 3)
-        samples = int(plants.SECONDS / dt + 0.5)
-        sizes = SIZES.copy()
-        sizes[0], sizes[1], sizes[3] = samples, dt, radius
-        sizes[4] = int(plants.HOLD / dt + 0.5)
-        out = np.empty((4, COUNTED + 1))
-        trace = np.zeros((10, COUNTED + 1, samples + 1))
-        noise, plan = np.zeros((samples + 1, 2, 1)), np.empty((0, 2, 1))
-        arm, goals = plants.columns_of(fields), _GOALS.copy()
-        episodes(arm, numbers, rest, references, goals, noise, plan, sizes, out, trace)
-        rates[some] = np.mean(out[0, :COUNTED])
-        for k in range(2):
-            q[some, k, :] = trace[k, COUNTED, samples]
-            q[some, k, : samples + 1] = trace[k, COUNTED]
+    dt = SLOW_STEP if has(some, STEP) else plants.DT
+    fields = HOME.copy()
+    fields[0] = HEAVIER if has(some, MASS) else 1.0
+    fields[3] = _DRY if has(some, FRICTION) else 0.0
+    fields[5] = delay
+    # The camera reports the goal elsewhere; the tip is judged at the true goal.
+    observed = _GOALS.copy()
+    observed[0] += CAMERA if has(some, OFFSET) else 0.0
+    references = plants.reference_angles(_STARTS, observed)
+    numbers = np.empty((1, 2, _CONTROLLERS.shape[2]))
+    numbers[0] = _CONTROLLERS[1 if has(some, STEP) else 0]
+    numbers[0, :, :3] = _GAINS[0 if has(some, PLAIN) else 1].copy().reshape(2, 3)
+    samples = int(plants.SECONDS / dt + 0.5)
+    sizes = SIZES.copy()
+    sizes[0], sizes[1], sizes[3] = samples, dt, radius
+    sizes[4] = int(plants.HOLD / dt + 0.5)
+    out = np.empty((4, COUNTED + 1))
+    trace = np.zeros((10, COUNTED + 1, samples + 1))
+    noise, plan = np.zeros((samples + 1, 2, 1)), np.empty((0, 2, 1))
+    arm, goals = plants.columns_of(fields), _GOALS.copy()
+    episodes(arm, numbers, rest, references, goals, noise, plan, sizes, out, trace)
+    for k in range(2):
+        q[k, :] = trace[k, COUNTED, samples]
+        q[k, : samples + 1] = trace[k, COUNTED]
+    return np.mean(out[0, :COUNTED])
 
 
 @register_jitable
@@ -138,7 +138,8 @@ def strongest_pair(rates, some):
     """Return the two faults of a combination that interact most, and by how much.
 
     The interaction is what the pair loses beyond the sum of both separate losses; negative where
-    one makes up for the other. Without two faults the numbers are 0, 0 and 0.
+    one makes up for the other. Without two faults the numbers are 0, 0 and 0. The last number is
+    not a number as long as a pair is not counted.
     """
     first, second, most = 0, 0, 0.0
     for i in range(len(FAULTS)):
@@ -146,14 +147,27 @@ def strongest_pair(rates, some):
             if has(some, i) and has(some, j):
                 pair = (1 << i) + (1 << j)
                 more = lost(rates, pair) - added(rates, pair)
-                if first == second or abs(more) > abs(most):
+                if first == second or math.isnan(more) or abs(more) > abs(most):
                     first, second, most = i, j, more
     return first, second, most
 
 
+@register_jitable
+def complete(controls, state):
+    """Count one more combination on the common tasks: the chosen one first."""
+    rates, some = state["rates"], chosen(controls)
+    if not math.isnan(rates[some]):
+        some = 0
+        while not math.isnan(rates[some]):
+            some += 1
+    radius, delay = 0.01 * controls["radius"], 1e-3 * controls["delay"]
+    rates[some] = count(some, radius, delay, state["q"][some])
+    state["remaining"] -= 1
+
+
 def initial(controls, state):
-    """Count all combinations on the common tasks."""
-    count(0.01 * controls["radius"], 1e-3 * controls["delay"], state["rates"], state["q"])
+    """Count the chosen combination; the others follow in portions."""
+    complete(controls, state)
 
 
 def advance(state, controls, seconds):
@@ -184,12 +198,21 @@ _ADDED, _TOGETHER, _HEADING, _DIAGONAL, _NOW, _WORSE, _BETTER = word(
     "better than the sum",
 )
 _RATE, _BAND, _TO, _CLOSE = word("success", " % (", "-", ")")
-_LOST, _SUM, _PAIR, _PERCENT, _NONE, _AND, _COLON = word(
-    "lost together", "sum of single losses", "strongest pair", " %", "none", " and ", ": "
+_LOST, _SUM, _PAIR, _PERCENT, _NONE, _AND, _COLON, _COUNTING = word(
+    "lost together",
+    "sum of single losses",
+    "strongest pair",
+    " %",
+    "none",
+    " and ",
+    ": ",
+    "being counted",
 )
+_COUNTED, _OF_ALL = word("counted: ", " of 32 combinations")
 _SCENE, _VIEW = (0.15, 3.35, 1.75, 4.55), (-0.85, 0.75, -0.35, 1.05)
 _ROWS, _WIDE, _HIGH = 1.35, 3.2, 0.24  # top of the list, width and height of a row
 _CHART, _VALUES = (4.6, 8.7, 0.75, 4.5), (-10.0, 100.0, -10.0, 100.0)
+_COUNTER = (6.65, 4.2)  # where the progress of the counting is written
 
 
 @register_jitable
@@ -217,10 +240,12 @@ def frame(pen, state, controls):
     if has(some, OFFSET):
         draw.spot(pen, x + CAMERA, y, 0.008, draw.RED)
         draw.text(pen, x + CAMERA, y, _SEEN, draw.RED, 11.5, draw.LEFT, draw.BOTTOM, 4.0, 14.0)
-    u = l1 * np.cos(q[0, : now + 1]) + l2 * np.cos(q[0, : now + 1] + q[1, : now + 1])
-    v = l1 * np.sin(q[0, : now + 1]) + l2 * np.sin(q[0, : now + 1] + q[1, : now + 1])
-    draw.curve(pen, u, v, draw.BLUE, 1.4, 0.8)
-    _links(pen, q[:, now], draw.BLUE)
+    counted = not math.isnan(rates[some])
+    if counted:
+        u = l1 * np.cos(q[0, : now + 1]) + l2 * np.cos(q[0, : now + 1] + q[1, : now + 1])
+        v = l1 * np.sin(q[0, : now + 1]) + l2 * np.sin(q[0, : now + 1] + q[1, : now + 1])
+        draw.curve(pen, u, v, draw.BLUE, 1.4, 0.8)
+        _links(pen, q[:, now], draw.BLUE)
     # The list of faults, with a mark at each that is switched on.
     draw.window(pen)
     for k in range(len(FAULTS)):
@@ -239,26 +264,36 @@ def frame(pen, state, controls):
     draw.text(pen, 97.0, 2.0, _BETTER, draw.GREY, 11.5, draw.RIGHT)
     for other in range(COMBINATIONS):
         a, b = 100.0 * added(rates, other), 100.0 * lost(rates, other)
-        draw.spot(
-            pen, min(max(a, -10.0), 100.0), max(b, -10.0), 0.9, draw.GREY, draw.NONE, 1.0, 0.8
-        )
+        if not math.isnan(a + b):
+            draw.spot(
+                pen, min(max(a, -10.0), 100.0), max(b, -10.0), 0.9, draw.GREY, draw.NONE, 1.0, 0.8
+            )
     a, b = 100.0 * added(rates, some), 100.0 * lost(rates, some)
-    a, b = min(max(a, -10.0), 100.0), max(b, -10.0)
-    draw.spot(pen, a, b, 2.2, draw.ORANGE, draw.INK, 1.0)
-    side, beside = (draw.LEFT, 10.0) if a < 70.0 else (draw.RIGHT, -10.0)
-    draw.text(pen, a, b, _NOW, draw.ORANGE, 12.0, side, draw.MIDDLE, beside)
+    if not math.isnan(a + b):
+        a, b = min(max(a, -10.0), 100.0), max(b, -10.0)
+        draw.spot(pen, a, b, 2.2, draw.ORANGE, draw.INK, 1.0)
+        side, beside = (draw.LEFT, 10.0) if a < 70.0 else (draw.RIGHT, -10.0)
+        draw.text(pen, a, b, _NOW, draw.ORANGE, 12.0, side, draw.MIDDLE, beside)
     draw.window(pen)
     draw.theory_key(pen, 7.35, 4.68, _DIAGONAL)
-    low, high = score_interval(rates[some], COUNTED)
-    draw.reading(pen, _RATE, 100.0 * rates[some], 0)
-    draw.words(pen, _BAND)
-    draw.number(pen, 100.0 * low, 0, _TO)
-    draw.number(pen, 100.0 * high, 0, _CLOSE)
-    draw.reading(pen, _LOST, 100.0 * lost(rates, some), 0, _PERCENT)
-    draw.reading(pen, _SUM, 100.0 * added(rates, some), 0, _PERCENT)
+    if state["remaining"] > 0:
+        draw.text(pen, *_COUNTER, _COUNTED, draw.INK, 12.0, draw.CENTRE, draw.MIDDLE)
+        draw.number(pen, COMBINATIONS - state["remaining"], 0, _OF_ALL)
+    draw.reading(pen, _RATE, 100.0 * rates[some], 0, 0, 0 if counted else _COUNTING)
+    if counted:
+        low, high = score_interval(rates[some], COUNTED)
+        draw.words(pen, _BAND)
+        draw.number(pen, 100.0 * low, 0, _TO)
+        draw.number(pen, 100.0 * high, 0, _CLOSE)
+    together, single = lost(rates, some), added(rates, some)
+    waits = _COUNTING if math.isnan(together) else 0
+    draw.reading(pen, _LOST, 100.0 * together, 0, _PERCENT, waits)
+    waits = _COUNTING if math.isnan(single) else 0
+    draw.reading(pen, _SUM, 100.0 * single, 0, _PERCENT, waits)
     first, second, most = strongest_pair(rates, some)
-    draw.reading(pen, _PAIR, 0.0, 0, 0, _NAMES + first if first != second else _NONE)
-    if first != second:
+    pair = _COUNTING if math.isnan(most) else (_NAMES + first if first != second else _NONE)
+    draw.reading(pen, _PAIR, 0.0, 0, 0, pair)
+    if first != second and not math.isnan(most):
         draw.words(pen, _AND)
         draw.words(pen, _NAMES + second)
         draw.words(pen, _COLON)
@@ -301,4 +336,5 @@ MODEL = Model(
     advance,
     frame,
     readouts=READOUTS,
+    complete=complete,
 )

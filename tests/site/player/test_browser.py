@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from course.simulations import declaration as told
+from course.simulations import perception as table
 from course.simulations.model import KEYS, Experiment
 from course.simulations.panel import Panel
 from tests.budget import PROVE
@@ -49,6 +50,8 @@ HELD = """() => {
   };
   return [...run.records(), run.picture()].map(text);
 }"""
+# Portions of what takes long follow between pictures.
+COMPLETE = "() => !(document.querySelector('.course-live').courseLive.remaining?.() > 0)"
 FRAME = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 
@@ -112,6 +115,7 @@ def _here(address: str) -> bool:
 
 def held(page: Any, experiment: Experiment) -> list[Any]:
     """Controls, state and picture of the page, as Python has them."""
+    page.wait_for_function(COMPLETE)
     controls, state, picture = (base64.b64decode(text) for text in page.evaluate(HELD))
     return [
         np.frombuffer(controls, experiment.model.controls.dtype)[0],
@@ -166,6 +170,7 @@ def choose(page: Any, experiment: Experiment, preset: str) -> None:
 
 def step(page: Any, experiment: Experiment, times: int = 1) -> None:
     for _ in range(times):
+        page.wait_for_function(COMPLETE)
         press_button(page, "Step")
         experiment.advance(STEP)
 
@@ -339,6 +344,106 @@ def test_pictures_keep_up_while_a_slider_is_dragged(open_page: Any, capsys: Any)
             break
     else:
         raise AssertionError("dragging slowed the page in each of ten runs")
+
+
+# Moves a slider to its end; what is there at once, and then how many pictures until all is there.
+ANSWER = """async key => {
+  const run = document.querySelector('.course-live').courseLive;
+  const canvas = document.querySelector('canvas');
+  const slider = document.querySelector(`[data-control=${key}]`);
+  const drawn = () => new Promise(done => {
+    const watch = new MutationObserver(() => { watch.disconnect(); done(run.remaining()); });
+    watch.observe(canvas, {attributes: true, attributeFilter: ['data-frame']});
+  });
+  slider.value = slider.max;
+  const first = drawn();
+  slider.dispatchEvent(new Event('input'));
+  const left = [run.remaining(), await first];
+  const shown = document.querySelector('.course-numbers').textContent;
+  while (left.at(-1) > 0) left.push(await drawn());
+  return {left, shown};
+}"""
+
+
+# A pointer that is moved before each of 24 pictures in turn.
+MOVES = """async ([u, v]) => {
+  const canvas = document.querySelector('canvas');
+  for (let k = 1; k < 25; k += 1) {
+    const at = {pointerId: 1, bubbles: true, clientX: u + 2 * k, clientY: v + k};
+    canvas.dispatchEvent(new PointerEvent('pointermove', at));
+    await new Promise(requestAnimationFrame);
+  }
+}"""
+
+
+@pytest.mark.parametrize(
+    "name, key, portions, meanwhile",
+    [
+        ("perception", "eps", 3, "being looked for"),
+        ("sim_to_real.arms", "gap", 8, "being counted"),
+        ("sim_to_real.faults", "delay", 20, "being counted"),
+    ],
+)
+def test_a_slider_is_answered_before_all_is_computed(
+    open_page: Any, name: str, key: str, portions: int, meanwhile: str
+) -> None:
+    page, experiment = open_page(name), Experiment(told.model(name))
+    experiment.choose(next(iter(experiment.model.presets)))
+    page.wait_for_function(COMPLETE)
+    # However fast the machine is: the budget is spent after one portion.
+    page.evaluate("() => { let now = 0; performance.now = () => (now += 20); }")
+    result = page.evaluate(ANSWER, key)
+    assert np.all(np.diff(result["left"]) < 0) and result["left"][-1] == 0
+    assert len(result["left"]) > portions and meanwhile in result["shown"]
+    experiment.set(**{key: experiment.model.controls.fields[key].high})
+    assert_alike(page, experiment, name)
+    assert meanwhile not in page.locator(".course-numbers").first.inner_text()
+
+
+def test_a_drag_waits_for_the_picture_of_the_place_before(open_page: Any) -> None:
+    """Each place that is drawn is drawn completely, and the last one is not lost."""
+    page, experiment = open_page("perception"), Experiment(told.model("perception"))
+    experiment.choose(next(iter(experiment.model.presets)))
+    page.wait_for_function(COMPLETE)
+    # A pointer in every animation frame, and a budget that is spent after one portion.
+    page.evaluate("""() => {
+      const run = document.querySelector('.course-live').courseLive;
+      window.early = 0;
+      window.drags = 0;
+      const drag = run.drag;
+      run.drag = (x, y) => {
+        window.drags += 1;
+        if (run.remaining() > 0) window.early += 1;
+        drag(x, y);
+      };
+      let now = 0;
+      performance.now = () => (now += 20);
+    }""")
+    part = experiment.controls["pieces"][0]
+    x, y = part[4], part[5]
+    left, right, low, high = table._SCENE
+    a, b, c, d = table._VIEW
+    place = left + (x - a) / (b - a) * (right - left), low + (y - c) / (d - c) * (high - low)
+    u, v, x, y = pointer_at(page, experiment, *place)
+    page.mouse.move(u, v)
+    page.mouse.down()
+    page.wait_for_function(COMPLETE)
+    page.evaluate(MOVES, [u, v])
+    page.mouse.move(u + 48, v + 24)
+    page.wait_for_function(COMPLETE)
+    page.evaluate(FRAME)
+    page.wait_for_function(COMPLETE)
+    early, drags = page.evaluate("() => [window.early, window.drags]")
+    assert early == 0 and 3 < drags < 20
+    box = page.locator("canvas").bounding_box()
+    experiment.grab(x, y)
+    experiment.drag(x, y)
+    xmin, xmax, ymin, ymax = experiment.model.paper.window
+    x += 48 * (xmax - xmin) / box["width"]
+    y -= 24 * (ymax - ymin) / box["height"]
+    experiment.drag(x, y)
+    assert_alike(page, experiment, "dragged")
+    page.mouse.up()
 
 
 MANY = """async () => {
