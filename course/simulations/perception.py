@@ -301,6 +301,8 @@ def measure(controls, state):
     report[OFF] = heights(plane, table[:3])
     state["table"][:] = plane
     state["points"][:, :n] = apply(back, cells - table[:3].reshape(3, 1))
+    # Nothing remains of a picture that had more voxels.
+    state["points"][:, n:], kinds[n:] = 0.0, 0
     state["result"][:] = 0.0
     state["result"][:, TRUST] = NOT_YET
     state["remaining"] = 1 + PARTS

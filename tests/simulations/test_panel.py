@@ -191,14 +191,16 @@ def in_portions():
     def drag(controls, state, x, y):
         initial(controls, state)
 
+    def press(controls, state, key):
+        initial(controls, state)
+
     def advance(state, controls, seconds):
         if state["remaining"] == 0:
             initial(controls, state)
 
     state = Record(**WALK.state.fields, remaining=Field(0))
-    functions = {"initial": initial, "complete": complete, "drag": drag, "advance": advance}
-    functions["press"] = lambda controls, state, key: initial(controls, state)
-    return replace(WALK, state=state, **functions), portions
+    made = replace(WALK, state=state, initial=initial, complete=complete, drag=drag)
+    return replace(made, advance=advance, press=press), portions
 
 
 def test_a_program_waits_until_all_portions_are_done():
