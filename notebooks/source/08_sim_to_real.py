@@ -1888,7 +1888,9 @@ show("queue_of_k")
 #
 # ![Steps per second by number of environments, accuracy, and when processes pay](../docs/charts/vector_env.png)
 #
-# <details><summary>How to read the chart</summary> The first panel counts environment steps per second.
+# <details><summary>How to read the chart</summary>
+#
+# The first panel counts environment steps per second.
 # *MujocoArmReachVector* uses two threads, all loops use one, and *mujoco.batch on one thread* is drawn for a fair
 # comparison with them. Processes pay if processors are free and one step is expensive, or if each process steps many
 # environments. The dotted line in the third panel marks where the measured curves cross. To its right two processes

@@ -66,6 +66,7 @@ def test_each_cure_bounds_or_slows_the_drift() -> None:
     assert price["projection"].y[0] < price["dead zone"].y[0]
 
 
+@pytest.mark.prove
 @pytest.mark.slow
 @pytest.mark.parametrize(("dt", "regressor"), [(1e-3, 1.0), (5e-3, 3.0)])
 def test_an_adaptive_law_settles_below_the_computed_limit_and_grows_above(dt, regressor) -> None:
@@ -94,6 +95,7 @@ def differenced(product: float, dt: float) -> float:
     return growth(matrix)
 
 
+@pytest.mark.prove
 @pytest.mark.slow
 def test_with_differences_the_limit_of_adaptation_is_that_of_their_loop() -> None:
     dt = 5e-3

@@ -29,7 +29,7 @@ from tests.drills.place import Place, a_place
 
 __all__ = ["a_place"]
 
-EXERCISES = exercise_params("hopper_filter", "solve_stack", step=3)
+EXERCISES = exercise_params("hopper_filter", "solve_stack", step=6)
 
 
 def run(card: Card, source: str, case: str) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drills.reasons import Reason
+from tests.budget import sampled
 from tests.drills.hostile_grading import KINDS, a_world, check_verdict, read, runnable
 
 __all__ = ["a_world"]
@@ -19,7 +20,8 @@ ELSEWHERE = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reason", [reason for reason in Reason if reason not in ELSEWHERE])
+# Every reason is reached by other tests, too; here the answers that reach it are hostile.
+@pytest.mark.parametrize("reason", sampled([x for x in Reason if x not in ELSEWHERE], 2))
 def test_verdict(reason: Reason, world: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
     submission = next(s for s in runnable(*KINDS) if s.reasons == {reason})
     check_verdict(submission, world, monkeypatch)

@@ -13,6 +13,7 @@ from drills.case_judge import Answer, Case
 from drills.grade_report import Report
 from drills.hypotheses import COMPUTED, ROUGH, limited, mutants, pairs, rough
 from drills.inprocess import InProcess
+from tests.budget import sampled
 from tests.drills.here import grade_here
 
 GENERIC = COMPUTED | ROUGH
@@ -85,7 +86,7 @@ def test_a_changed_step_is_named_in_any_style(what: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "arguments", "result", "sentence"), MISTAKES)
+@pytest.mark.parametrize(("name", "arguments", "result", "sentence"), sampled(MISTAKES, 2))
 def test_with_a_second_mistake_it_is_not_named(
     name: str, arguments: str, result: str, sentence: str
 ) -> None:
@@ -97,7 +98,9 @@ def test_with_a_second_mistake_it_is_not_named(
     assert not report.passed and report.slip not in EXACT
 
 
-@pytest.mark.parametrize("name", ["backprop", "edge_clearance", "log_uniform", "impact_time"])
+@pytest.mark.parametrize(
+    "name", sampled(["log_uniform", "edge_clearance", "backprop", "impact_time"], 2)
+)
 def test_a_second_mistake_alone_gets_none_of_them(name: str) -> None:
     result = "(r + 0.3 * np.sin(7.0 * np.asarray(r)) for r in [_right(*args)])"
     if name == "backprop":

@@ -226,7 +226,7 @@ PIECES: list[Result] = [
 ]
 
 
-@examples(200)
+@examples(60)
 @given(
     st.lists(st.sampled_from([-2.0, -1.0, 0.0, 0.0, 0.0, 0.5, 1.0]), min_size=8, max_size=8),
     st.sampled_from(

@@ -20,7 +20,7 @@ from drills.case_judge import WHOLE, Case
 from drills.grader import attempt
 from drills.inprocess import InProcess
 from drills.verify import in_this_process
-from tests.budget import PROVE, exercise_params, exercise_topics
+from tests.budget import PROVE, exercise_params, exercise_topics, sampled
 
 pytestmark = pytest.mark.slow
 
@@ -193,12 +193,12 @@ def judged_by_cases() -> Iterator[Any]:
             yield pytest.param(name, id=name, marks=pytest.mark.topic(topic))
 
 
-@pytest.mark.parametrize("name", list(judged_by_cases()))
+@pytest.mark.parametrize("name", sampled(list(judged_by_cases()), 3))
 def test_no_case_is_decided_by_rounding(name: str) -> None:
     assert set(decided_by_rounding(name)) <= set(EXPECTED.get(name, {}))
 
 
-EVERY = exercise_params("hopper_filter", "solve_stack", step=2)
+EVERY = exercise_params("hopper_filter", "solve_stack", step=5)
 
 
 def changed_verdicts(name: str) -> list[str]:

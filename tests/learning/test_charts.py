@@ -57,6 +57,7 @@ def test_samplers_have_their_orders_and_the_nets_their_floor() -> None:
     assert np.allclose(below, [0.1, 0.6])
 
 
+@pytest.mark.prove
 @pytest.mark.slow
 def test_looking_often_jitters_and_looking_rarely_drifts() -> None:
     _, cures, turns, drift = charts.build(

@@ -161,6 +161,7 @@ def test_the_code_says_which_way():
     assert np.mean(sides(mute)[0] != 0) < 0.2  # a code too dear says nothing: the mean
 
 
+@pytest.mark.prove
 def test_policies_on_record_do_what_they_are_shown_for_and_can_be_made_again():
     result = {name: success(Commit(recorded(name), 4)) for name in HEADS}
     assert result["mean"] < 0.15

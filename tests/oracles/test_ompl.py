@@ -127,6 +127,7 @@ def test_both_solve_as_many_queries(both) -> None:
         assert solved.min() > 10 and stats.fisher_exact(table).pvalue > 1e-3
 
 
+@pytest.mark.prove
 @pytest.mark.slow
 def test_both_need_as_many_targets_nodes_and_metres(both) -> None:
     name, ours, theirs = both

@@ -74,6 +74,7 @@ def test_coal_and_pinocchio_agree_state_by_state(seed) -> None:
             assert state_free(world, q) == theirs.state_free(q)
 
 
+@pytest.mark.prove
 @pytest.mark.slow
 def test_some_states_collide_only_with_themselves() -> None:
     world, rng = EVERYWHERE(), np.random.default_rng(0)

@@ -87,6 +87,7 @@ def test_noise_becomes_what_the_network_knows(monkeypatch) -> None:
         assert abs(np.mean(inner)) < 4.0 * wide / math.sqrt(inner.size)
 
 
+@pytest.mark.prove
 @pytest.mark.slow
 def test_a_seed_gives_one_network_and_the_threads_are_put_back() -> None:
     import torch

@@ -63,6 +63,7 @@ def test_a_module_is_made_from_the_sources_as_they_are(name: str) -> None:
     assert b".py" not in module  # no place on the machine that made it
 
 
+@pytest.mark.prove
 def test_no_module_is_stale_on_another_cpu() -> None:
     """Constants that are computed on import differ in their last digits there."""
     code = "from course.site import wasm; print([name for name in wasm.live() if wasm.stale(name)])"
@@ -114,7 +115,10 @@ MINUTES = {
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(x, marks=pytest.mark.prove) if x in MINUTES else x for x in LIVE],
+    [
+        pytest.param(x, marks=pytest.mark.prove) if x in MINUTES or k % 2 else x
+        for k, x in enumerate(LIVE)
+    ],
 )
 def test_it_computes_what_python_does(name: str) -> None:
     """Presets, ends of sliders (in the long tier all), and controls within the limits."""
