@@ -21,7 +21,7 @@ ELSEWHERE = {
 
 @pytest.mark.slow
 # Every reason is reached by other tests, too; here the answers that reach it are hostile.
-@pytest.mark.parametrize("reason", sampled([x for x in Reason if x not in ELSEWHERE], 2))
+@pytest.mark.parametrize("reason", sampled([x for x in Reason if x not in ELSEWHERE], 4))
 def test_verdict(reason: Reason, world: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
     submission = next(s for s in runnable(*KINDS) if s.reasons == {reason})
     check_verdict(submission, world, monkeypatch)

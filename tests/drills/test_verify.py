@@ -41,7 +41,7 @@ EXERCISES = exercise_params(
     "vector_env",
     "compare_engines",
     "plane_ransac",
-    step=20,
+    step=40,
 )
 
 

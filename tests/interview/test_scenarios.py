@@ -45,7 +45,9 @@ EVERY = pytest.mark.parametrize(("name", "cause"), CASES)
 SAMPLED = pytest.mark.parametrize(
     ("name", "cause"),
     [
-        pytest.param(*case, marks=pytest.mark.prove if case[0] in ("touch", "late") else ())
+        pytest.param(
+            *case, marks=pytest.mark.prove if case[0] in ("touch", "late", "policy") else ()
+        )
         for case in sampled(CASES, 11)
     ],
 )

@@ -48,6 +48,7 @@ def test_every_method_of_opencv_finds_an_exact_mount(method):
     assert chart.point_error(*chart.pose_of(opencv_of(poses).solve(method))) < 1e-9
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("partners", chart.PARTNERS.values())
 def test_the_noise_of_the_turns_predicts_the_error_of_the_rotation(partners):
     for turns in ((0.1, 0.1, 0.1), (0.4, 0.03, 0.03)):

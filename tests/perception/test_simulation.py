@@ -138,6 +138,7 @@ def test_one_picture_is_processed_in_portions():
     assert not np.array_equal(run.state["depths"], before)
 
 
+@pytest.mark.prove
 @pytest.mark.slow
 def test_each_preset_shows_what_its_name_says():
     report, status, _ = outcome("Small parts lost")

@@ -124,6 +124,7 @@ def test_points_miss_a_collision_as_often_as_chance_says() -> None:
         assert abs(missed.mean() - law) < 4.0 * np.sqrt(law * (1 - law) / 20_000) + 1e-9
 
 
+@pytest.mark.prove
 def test_the_length_of_a_collision_is_that_of_its_end_states() -> None:
     """Bisection of the clearance's sign, by other code."""
     world = pole(spheres_over(HAND))

@@ -12,6 +12,7 @@ import pytest
 from course.simulations import declaration
 from course.simulations import pen as draw
 from course.simulations.model import Experiment, Model
+from tests.budget import sampled
 from tests.simulations.models import WALK
 
 
@@ -47,7 +48,7 @@ def unexplained(names: set[str], model: Model) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", declaration.names())
+@pytest.mark.parametrize("name", sampled(declaration.names(), 2))
 def test_every_readout_has_a_tooltip(name: str) -> None:
     model = declaration.model(name)
     if declaration.is_live(name):

@@ -531,7 +531,7 @@ def test_a_worker_that_fails_is_reported(trouble: str, how: str, text: str) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("trouble", ["hang", "stop"])
+@pytest.mark.parametrize("trouble", [pytest.param("hang", marks=pytest.mark.prove), "stop"])
 def test_a_worker_that_hangs_is_reported_in_time_with_its_place(trouble: str) -> None:
     envs = troubled(trouble, timeout=3.0)
     with pytest.raises(WorkerError, match="environment 2, worker 1: has not answered for 3 s") as e:

@@ -243,14 +243,8 @@ def found_in(path: Path) -> str:
     )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "stage",
-    [
-        pytest.param(stage, marks=() if stage == "perception" else pytest.mark.prove)
-        for stage in STAGES
-    ],
-)
+@pytest.mark.prove
+@pytest.mark.parametrize("stage", STAGES)
 def test_a_fault_in_each_stage_shows_in_the_log(stage: str) -> None:
     for direction in (0.5, 2.8, 4.6):
         parts = [course_part(name) for name in NAMES]

@@ -127,7 +127,7 @@ STRUCK = """() => {
 }"""
 
 
-@pytest.mark.parametrize("name", sampled(told.names(), 4))
+@pytest.mark.parametrize("name", sampled(told.names(), 8))
 def test_words_are_whole_and_free_of_legends(browser: Any, tmp_path: Path, name: str) -> None:
     page = opened(browser, tmp_path, name, 1280, before=DRAWN)
     # The widest and the narrowest; those between them in the long tier.
