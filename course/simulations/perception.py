@@ -538,49 +538,91 @@ def press(controls, state, key):
 
 
 PRESETS = {
-    "Clean": Preset({}, "Dashed is the truth. Drag a part, turn it by its knob, click on the bare "
-        "table for a thin one; arrows, + and - do it too. Then play: new noise in each picture."),
-    "Small parts lost": Preset({"tolerance": 10.0, "least": 50, "eps": 17.0, "pieces": _placed(
-        (*_SMALL, 0.003, -0.1, 0.07, 0.5), (*_SMALL, 0.006, -0.1, -0.06, 0.5),
-        (*_SMALL, 0.008, 0.0, 0.07, 0.9), (*_SMALL, 0.01, 0.0, -0.08, 0.3),
-        (*_BLOCK, 0.1, 0.0, 0.3))},
+    "Clean": Preset(
+        {},
+        "Dashed is the truth. Drag a part, turn it by its knob, click on the bare "
+        "table for a thin one; arrows, + and - do it too. Then play: new noise in each picture.",
+    ),
+    "Small parts lost": Preset(
+        {
+            "tolerance": 10.0,
+            "least": 50,
+            "eps": 17.0,
+            "pieces": _placed(
+                (*_SMALL, 0.003, -0.1, 0.07, 0.5),
+                (*_SMALL, 0.006, -0.1, -0.06, 0.5),
+                (*_SMALL, 0.008, 0.0, 0.07, 0.9),
+                (*_SMALL, 0.01, 0.0, -0.08, 0.3),
+                (*_BLOCK, 0.1, 0.0, 0.3),
+            ),
+        },
         "The plane takes the lowest; the others have too few neighbours for a cluster, in about "
         "three of four images. Take 4 mm and 12: all are found. Then raise the noise, and see "
-        "what that asks of the table."),
-    "Table in clusters": Preset({"tolerance": 3.0, "noise": 0.1, "window": 3}, "Tighter than the "
+        "what that asks of the table.",
+    ),
+    "Table in clusters": Preset(
+        {"tolerance": 3.0, "noise": 0.1, "window": 3},
+        "Tighter than the "
         "noise: the bare table stands above the plane, in lumps where the noise is correlated. "
-        "8 mm cure it, and take the thin parts along."),
-    "Touching": Preset({"pieces": _placed((*_BLOCK, -0.03, 0.0, 0.0), (*_BLOCK, 0.051, 0.0, 0.0))},
+        "8 mm cure it, and take the thin parts along.",
+    ),
+    "Touching": Preset(
+        {"pieces": _placed((*_BLOCK, -0.03, 0.0, 0.0), (*_BLOCK, 0.051, 0.0, 0.0))},
         "Two parts, one cluster, and the same pose fits anywhere along it. Nothing is seen through "
-        "it; what tells is how much it leaves over: ambiguous. Pull them apart."),
-    "Cut off": Preset({"pieces": _placed((*_BLOCK, 0.22, 0.0, -0.9), (*_ROUND, -0.08, 0.05, 0.0))},
+        "it; what tells is how much it leaves over: ambiguous. Pull them apart.",
+    ),
+    "Cut off": Preset(
+        {"pieces": _placed((*_BLOCK, 0.22, 0.0, -0.9), (*_ROUND, -0.08, 0.05, 0.0))},
         "What is left in the picture also fits a part that lies across, and nothing is seen "
-        "through it. What warns is the picture's edge: cut. Pull the part in."),
-    "Symmetric part": Preset({"pieces": _placed((*_ROUND, -0.06, 0.03, 0.0),
-        (*_BLOCK, 0.08, 0.0, 0.4))}, "The picture is the same however the can is turned: not "
-        "seen, which is another thing than a small number. Pick part 2."),
-    "Two planes": Preset({"pieces": _placed((*_BLOCK, -0.1, 0.0, 0.4),
-        (BOX, 0.12, 0.16, 0.012, 0.12, 0.03, 0.0))}, "A plate of 24 mm beside the table: a plane "
+        "through it. What warns is the picture's edge: cut. Pull the part in.",
+    ),
+    "Symmetric part": Preset(
+        {"pieces": _placed((*_ROUND, -0.06, 0.03, 0.0), (*_BLOCK, 0.08, 0.0, 0.4))},
+        "The picture is the same however the can is turned: not "
+        "seen, which is another thing than a small number. Pick part 2.",
+    ),
+    "Two planes": Preset(
+        {"pieces": _placed((*_BLOCK, -0.1, 0.0, 0.4), (BOX, 0.12, 0.16, 0.012, 0.12, 0.03, 0.0))},
+        "A plate of 24 mm beside the table: a plane "
         "that slants through both has most points within 8 mm, and in about two of three images "
-        "the block's pose is then refuted. Take 4 mm; then the linear fit."),
-    "Scale error": Preset({"scale": 1.01}, "Depths 1 % too long: each pose is about 8 mm off, with "
+        "the block's pose is then refuted. Take 4 mm; then the linear fit.",
+    ),
+    "Scale error": Preset(
+        {"scale": 1.01},
+        "Depths 1 % too long: each pose is about 8 mm off, with "
         "less than 0.1 mm predicted and nothing seen through. Only a length known from "
-        "outside tells, or the outline once it is off by a pixel."),
-    "Close, too short": Preset({"distance": 0.5, "scale": 0.99}, "At 0.5 m, with depths 1 % too "
+        "outside tells, or the outline once it is off by a pixel.",
+    ),
+    "Close, too short": Preset(
+        {"distance": 0.5, "scale": 0.99},
+        "At 0.5 m, with depths 1 % too "
         "short, the part is about 5 mm off; at 0.8 m an error of 1 % costs 8 mm. Only a shorter "
-        "distance or a calibrated scale reduces it."),
-    "Far away": Preset({"distance": 1.4, "noise": 0.2}, "The error of a depth grows with the "
+        "distance or a calibrated scale reduces it.",
+    ),
+    "Far away": Preset(
+        {"distance": 1.4, "noise": 0.2},
+        "The error of a depth grows with the "
         "square of the distance. At 1.4 m with this noise, parts of the bare table stand above "
-        "the plane and form clusters of their own, and a position is millimetres off."),
-    "Far, correlated": Preset({"distance": 1.4, "noise": 0.2, "window": 7}, "The same noise, "
+        "the plane and form clusters of their own, and a position is millimetres off.",
+    ),
+    "Far, correlated": Preset(
+        {"distance": 1.4, "noise": 0.2, "window": 7},
+        "The same noise, "
         "correlated over 7 pixels, does not average out within a voxel: it makes dozens of "
-        "clusters out of a table with three parts."),
-    "Coarse voxels": Preset({"voxel": 15.0}, "Voxels of 15 mm leave so few points that none has "
-        "12 neighbours within 15 mm: no cluster forms, and all parts are lost."),
-    "Coarse, wider search": Preset({"voxel": 10.0, "eps": 40.0, "least": 4}, "With voxels of "
+        "clusters out of a table with three parts.",
+    ),
+    "Coarse voxels": Preset(
+        {"voxel": 15.0},
+        "Voxels of 15 mm leave so few points that none has "
+        "12 neighbours within 15 mm: no cluster forms, and all parts are lost.",
+    ),
+    "Coarse, wider search": Preset(
+        {"voxel": 10.0, "eps": 40.0, "least": 4},
+        "With voxels of "
         "10 mm, 4 neighbours within 40 mm are enough for a cluster: all three parts are found "
-        "again. Parts closer together than 40 mm would now be one cluster."),
-}  # fmt: skip
+        "again. Parts closer together than 40 mm would now be one cluster.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

@@ -643,51 +643,93 @@ def drag(controls, state, x, y):
 
 
 PRESETS = {
-    "All stages": Preset({}, "Seen with noise, planned, tracked, moved. Each arrow shows how "
+    "All stages": Preset(
+        {},
+        "Seen with noise, planned, tracked, moved. Each arrow shows how "
         "far the tip would move if one stage were ideal. Drag the target while the arm is moving.",
         "Seen with noise, planned, tracked, moved. Each arrow shows how far the tip would move "
-        "if one stage were ideal."),
-    "Noise, no filter": Preset({"filtered": False}, "Every image is believed as it is: the goal "
+        "if one stage were ideal.",
+    ),
+    "Noise, no filter": Preset(
+        {"filtered": False},
+        "Every image is believed as it is: the goal "
         "jumps, the plan is thrown away, and the arm waits for the next plan. Turn the filter on.",
         "Every image is believed as it is: the goal jumps, the plan is thrown away, and the arm "
-        "waits for the next plan."),
-    "Planner step to minimum": Preset({"edge": 0.01}, "Thousands of collision checks at 20 us "
-        "each: the plan runs out of samples or comes late, and the arm waits."),
-    "Kp high, Kd zero": Preset({"kp": 150.0, "kd": 0.0}, "The arm overshoots and rings; only the "
-        "friction of its joints damps it."),
-    "More damping": Preset({"kp": 150.0, "kd": 16.0}, "With the same Kp and more damping the arm "
+        "waits for the next plan.",
+    ),
+    "Planner step to minimum": Preset(
+        {"edge": 0.01},
+        "Thousands of collision checks at 20 us "
+        "each: the plan runs out of samples or comes late, and the arm waits.",
+    ),
+    "Kp high, Kd zero": Preset(
+        {"kp": 150.0, "kd": 0.0},
+        "The arm overshoots and rings; only the friction of its joints damps it.",
+    ),
+    "More damping": Preset(
+        {"kp": 150.0, "kd": 16.0},
+        "With the same Kp and more damping the arm "
         "swings less than a third as far around its reference, and all counted seeds succeed. But "
-        "the largest stable step of the physics is about a sixth of what it is without Kd."),
-    "Physics step above its limit": Preset({"dt": 12.0}, "The step is a fifth longer than the "
+        "the largest stable step of the physics is about a sixth of what it is without Kd.",
+    ),
+    "Physics step above its limit": Preset(
+        {"dt": 12.0},
+        "The step is a fifth longer than the "
         "largest stable one. Energy appears from nowhere, a few percent, and the run still "
-        "succeeds: success alone does not show that the step is too long."),
-    "Physics step to maximum": Preset({"dt": 20.0}, "The step exceeds the stability limit of the "
+        "succeeds: success alone does not show that the step is too long.",
+    ),
+    "Physics step to maximum": Preset(
+        {"dt": 20.0},
+        "The step exceeds the stability limit of the "
         "posture. The simulation creates energy, and only the torque limits keep the arm from "
-        "flying off. More damping lowers the limit; folding the arm raises it."),
-    "Cancelling errors": Preset({"speed": 0.03, "noise": 0.01, "bias": (-0.012, -0.005)},
+        "flying off. More damping lowers the limit; folding the arm raises it.",
+    ),
+    "Cancelling errors": Preset(
+        {"speed": 0.03, "noise": 0.01, "bias": (-0.012, -0.005)},
         "The bias of perception points ahead and the lag points back, so the tip ends closer to "
         "the target than with either alone. Make only perception ideal: it ends further away.",
         "The bias of perception points ahead and the lag points back, so the tip ends closer to "
-        "the target than either error alone would allow."),
-    "Stale camera": Preset({"latency": 600.0, "speed": 0.06, "noise": 0.01}, "The estimate is "
-        "where the target was. A more accurate camera does not help; a shorter latency does."),
-    "Half the latency": Preset({"latency": 300.0, "speed": 0.06, "noise": 0.01}, "Half the latency "
+        "the target than either error alone would allow.",
+    ),
+    "Stale camera": Preset(
+        {"latency": 600.0, "speed": 0.06, "noise": 0.01},
+        "The estimate is "
+        "where the target was. A more accurate camera does not help; a shorter latency does.",
+    ),
+    "Half the latency": Preset(
+        {"latency": 300.0, "speed": 0.06, "noise": 0.01},
+        "Half the latency "
         "of a stale camera, and still no counted seed succeeds: while an image is processed, the "
-        "target moves by almost 2 cm."),
-    "Plan from an old posture": Preset({"speed": 0.1, "check": 2000.0, "follows": True}, "A "
+        "target moves by almost 2 cm.",
+    ),
+    "Plan from an old posture": Preset(
+        {"speed": 0.1, "check": 2000.0, "follows": True},
+        "A "
         "collision check takes 2 ms here, so a plan takes some tenths of a second. Meanwhile the "
         "arm follows its old plan. The new one begins where the arm was when planning began: the "
         "reference, the pale arm, jumps back. Turn off *Follow the old plan*: the arm waits for "
         "each plan, and nothing jumps.",
         "A collision check takes 2 ms here, so a plan takes some tenths of a second. Meanwhile "
         "the arm follows its old plan. The new one begins where the arm was when planning began: "
-        "the reference, the pale arm, jumps back."),
-    "All to extremes": Preset({"noise": 0.2, "filtered": False, "edge": 0.02, "kp": 200.0,
-        "kd": 0.0, "dt": 20.0, "latency": 600.0, "speed": 0.1}, "Nothing works, and no single "
+        "the reference, the pale arm, jumps back.",
+    ),
+    "All to extremes": Preset(
+        {
+            "noise": 0.2,
+            "filtered": False,
+            "edge": 0.02,
+            "kp": 200.0,
+            "kd": 0.0,
+            "dt": 20.0,
+            "latency": 600.0,
+            "speed": 0.1,
+        },
+        "Nothing works, and no single "
         "stage cures it. Read the contract that broke first, fix that stage, and read again.",
         "Nothing works, and no single stage cures it. The contract that broke first says which "
-        "stage to repair first."),
-}  # fmt: skip
+        "stage to repair first.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

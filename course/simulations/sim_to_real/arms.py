@@ -392,28 +392,52 @@ def drag(controls, state, x, y):
 
 
 PRESETS = {
-    "Gap": Preset({}, "A policy that never fails in its simulator, on an arm that differs a "
+    "Gap": Preset(
+        {},
+        "A policy that never fails in its simulator, on an arm that differs a "
         "little. Raise the gap, and successes are lost. Then raise DR Range, and part of them "
-        "comes back. Drag the target: the ghost is the simulated motion."),
-    "No range": Preset({"policy": NOMINAL}, "The same arm with a policy that was tuned on the "
-        "unchanged simulator. DR Range does nothing here, because no range was used."),
-    "No gap": Preset({"gap": 0.0, "delay": 0.0, "policy": NOMINAL}, "The real arm equals the "
-        "simulated one, and all reaches succeed. Then give it 10 ms of delay."),
-    "Gap and range": Preset({"width": 0.4}, "Tuned on arms that differ in every "
-        "episode: part of the loss comes back, and in the simulator no success is lost."),
-    "Wide range, far gap": Preset({"gap": 1.0, "width": 1.0}, "The widest range "
+        "comes back. Drag the target: the ghost is the simulated motion.",
+    ),
+    "No range": Preset(
+        {"policy": NOMINAL},
+        "The same arm with a policy that was tuned on the "
+        "unchanged simulator. DR Range does nothing here, because no range was used.",
+    ),
+    "No gap": Preset(
+        {"gap": 0.0, "delay": 0.0, "policy": NOMINAL},
+        "The real arm equals the "
+        "simulated one, and all reaches succeed. Then give it 10 ms of delay.",
+    ),
+    "Gap and range": Preset(
+        {"width": 0.4},
+        "Tuned on arms that differ in every "
+        "episode: part of the loss comes back, and in the simulator no success is lost.",
+    ),
+    "Wide range, far gap": Preset(
+        {"gap": 1.0, "width": 1.0},
+        "The widest range "
         "at the full gap: little more than half succeed. In the simulator the range costs no "
-        "success, only time in the target. Gains for the identified arm do far better."),
-    "Delay beyond the margin": Preset({"gap": 0.0, "delay": 20.0, "policy": NOMINAL}, "No gap but "
+        "success, only time in the target. Gains for the identified arm do far better.",
+    ),
+    "Delay beyond the margin": Preset(
+        {"gap": 0.0, "delay": 20.0, "policy": NOMINAL},
+        "No gap but "
         "a delay that is longer than the longest stable one: hardly one reach succeeds. At 12 ms, "
-        "well below it, most succeed: those that end with a folded arm."),
-    "Cancelling errors": Preset({"gap": 0.3, "delay": 20.0, "policy": NOMINAL}, "The same delay on "
+        "well below it, most succeed: those that end with a folded arm.",
+    ),
+    "Cancelling errors": Preset(
+        {"gap": 0.3, "delay": 20.0, "policy": NOMINAL},
+        "The same delay on "
         "an arm that differs in all else, too: most reaches succeed. Its load makes it slower, and "
-        "a slower arm stays stable with a longer delay. Set the gap to zero, and they fail."),
-    "Mended delay alone": Preset({"gap": 1.0, "policy": DELAY}, "The simulator has the true "
+        "a slower arm stays stable with a longer delay. Set the gap to zero, and they fail.",
+    ),
+    "Mended delay alone": Preset(
+        {"gap": 1.0, "policy": DELAY},
+        "The simulator has the true "
         "delay, and the real arm does worse than with gains from the unchanged simulator: the "
-        "gains are lower, and the load needs higher ones. Now correct the load, too."),
-}  # fmt: skip
+        "gains are lower, and the load needs higher ones. Now correct the load, too.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {

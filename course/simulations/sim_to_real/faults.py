@@ -301,19 +301,33 @@ def frame(pen, state, controls):
 
 
 PRESETS = {
-    "Step and camera": Preset({"step": True, "camera": True}, "Each of the two alone costs few "
-        "reaches. Together they cost about half. Now switch the sliding friction on."),
-    "All off": Preset({}, "The robot agrees with the simulator except for the delay, and nearly "
-        "all reaches succeed. Switch one fault on, then a second one."),
-    "Friction makes up": Preset({"step": True, "camera": True, "friction": True}, "Sliding "
+    "Step and camera": Preset(
+        {"step": True, "camera": True},
+        "Each of the two alone costs few "
+        "reaches. Together they cost about half. Now switch the sliding friction on.",
+    ),
+    "All off": Preset(
+        {},
+        "The robot agrees with the simulator except for the delay, and nearly "
+        "all reaches succeed. Switch one fault on, then a second one.",
+    ),
+    "Friction makes up": Preset(
+        {"step": True, "camera": True, "friction": True},
+        "Sliding "
         "friction brakes the arm, and most of the loss comes back: three faults cost less than "
-        "two of them."),
+        "two of them.",
+    ),
     "No randomisation": Preset(
-        {"step": True, "camera": True, "no_randomisation": True}, "The gains that were tuned on "
-        "one arm are higher: with the long step and the camera's error most reaches fail."),
-    "All on": Preset({name: True for name in FAULTS}, "All five faults. More reaches succeed than "
-        "with the long step and the camera's error alone."),
-}  # fmt: skip
+        {"step": True, "camera": True, "no_randomisation": True},
+        "The gains that were tuned on "
+        "one arm are higher: with the long step and the camera's error most reaches fail.",
+    ),
+    "All on": Preset(
+        {name: True for name in FAULTS},
+        "All five faults. More reaches succeed than "
+        "with the long step and the camera's error alone.",
+    ),
+}
 
 # What each number below the picture means.
 READOUTS = {
