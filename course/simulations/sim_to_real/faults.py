@@ -212,7 +212,7 @@ _COUNTED, _OF_ALL = word("counted: ", " of 32 combinations")
 _SCENE, _VIEW = (0.15, 3.35, 1.75, 4.55), (-0.85, 0.75, -0.35, 1.05)
 _ROWS, _WIDE, _HIGH = 1.35, 3.2, 0.24  # top of the list, width and height of a row
 _CHART, _VALUES = (4.6, 8.7, 0.75, 4.5), (-10.0, 100.0, -10.0, 100.0)
-_COUNTER = (6.65, 4.2)  # where the progress of the counting is written
+_COUNTER = (8.6, 1.55)  # where the progress of the counting is written
 
 
 @register_jitable
@@ -277,7 +277,7 @@ def frame(pen, state, controls):
     draw.window(pen)
     draw.theory_key(pen, 7.35, 4.68, _DIAGONAL)
     if state["remaining"] > 0:
-        draw.text(pen, *_COUNTER, _COUNTED, draw.INK, 12.0, draw.CENTRE, draw.MIDDLE)
+        draw.text(pen, *_COUNTER, _COUNTED, draw.INK, 12.0, draw.RIGHT, draw.MIDDLE)
         draw.number(pen, COMBINATIONS - state["remaining"], 0, _OF_ALL)
     draw.reading(pen, _RATE, 100.0 * rates[some], 0, 0, 0 if counted else _COUNTING)
     if counted:
