@@ -37,7 +37,7 @@ def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
 
     Args:
         scenario: the task.
-        settings: with "pd", and pictures that overlap; what is ideal costs nothing.
+        settings: with the law "pd" and a pipelined camera; an ideal stage costs nothing.
 
     Raises:
         ValueError: for another law or rule of overrun, and for a physics step at which the arm is
@@ -69,7 +69,7 @@ def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
             gain = theory.low_pass(T, slow) if selected else 1.0
         mean, variance = mean + pull * u, gain * sigma**2
     if "age" not in ideal and not (settings.carried and settings.filtered):
-        # An arm that is late takes the mean of what it was told; an ideal one has the last picture.
+        # A slow arm averages the estimates; an ideal one stands at the newest one.
         camera = Stage("camera", late or 1e-9, T, overload="pipelined")
         # What arrives in the last step is too late for it.
         newest = scenario.seconds - T * int((scenario.seconds - settings.physics - late) / T)

@@ -413,7 +413,7 @@ def _covariance(value: Any) -> Array:
 
 
 def ideal_settings(settings: Settings) -> Settings:
-    """Return what the stages are told where some are ideal."""
+    """Return the settings that the stages are passed where some of them are ideal."""
     if "perceive" in settings.ideal:
         settings = replace(settings, noise=0.0, bias=(0.0, 0.0))
     if "age" in settings.ideal:

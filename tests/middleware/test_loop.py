@@ -2,6 +2,9 @@
 
 import gc
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -101,6 +104,21 @@ def test_inheritance_decides_who_is_done_first():
     assert held.order == ("high", "middle", "low")
     # No less than the work that it has to wait for, whatever else the machine does.
     assert without.wait >= without.theory and held.wait >= 0.9 * held.theory
+
+
+def test_processes_that_are_refused_end_without_a_word(tmp_path: Path):
+    """A core that no machine has is refused everywhere, whatever the permissions are."""
+    script = tmp_path / "refused.py"
+    script.write_text(
+        "from course.middleware import inversion\nif __name__ == '__main__':\n"
+        "    print(inversion.measure(True, core=100_000).denied)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.startswith("SCHED_FIFO was refused")
+    # Python could not close memory that a lock still pointed into, and said so for each child.
+    assert "BufferError" not in done.stderr and "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize(
