@@ -2,6 +2,7 @@
 
 import ast
 import functools
+import graphlib
 import os
 import re
 import subprocess
@@ -132,10 +133,10 @@ COLLECTED = {"measure", "derivations"}
 
 
 @functools.cache
-def modules() -> dict[str, Path]:
-    """Every module under course/, by its import path."""
+def modules(*folders: str) -> dict[str, Path]:
+    """Every module under course/, or under these folders, by its import path."""
     result = {}
-    for path in sorted((ROOT / "course").rglob("*.py")):
+    for path in sorted(p for one in folders or ("course",) for p in (ROOT / one).rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
         result[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     return result
@@ -297,6 +298,46 @@ def test_a_forbidden_import_is_found(module: str, source: str) -> None:
 )
 def test_an_allowed_import_is_not_found(module: str, source: str) -> None:
     assert faults(module, source) == []
+
+
+def circle(sources: dict[str, str], packages: set[str]) -> list[str]:
+    """Return modules that import each other in a circle, empty if there is none.
+
+    An import counts wherever it stands: in a function, and under `if TYPE_CHECKING`.
+    """
+    needs: dict[str, set[str]] = {}
+    for module, source in sources.items():
+        package = module if module in packages else module.rpartition(".")[0]
+        tree = ast.parse(source)
+        guarded = [n.body for n in ast.walk(tree) if isinstance(n, ast.If)]
+        trees = [tree, *(ast.Module(body, []) for body in guarded)]
+        names = [name for each in trees for name, _ in imports(each, package)]
+        # `from a import b` may name the module a.b, or something in the module a.
+        known = {n if n in sources else n.rpartition(".")[0] for n in names}
+        needs[module] = (known & set(sources)) - {module}
+    try:
+        graphlib.TopologicalSorter(needs).prepare()
+    except graphlib.CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    paths = modules("course", "drills", "solutions", "tools")
+    sources = {module: path.read_text(encoding="utf-8") for module, path in paths.items()}
+    packages = {module for module, path in paths.items() if path.name == "__init__.py"}
+    assert circle(sources, packages) == []
+
+
+@pytest.mark.parametrize(
+    "back",
+    ["import p.a", "from p import a", "from . import a", "from p.a import x", "from .a import x"],
+)
+@pytest.mark.parametrize("form", ["{}", "def f():\n    {}", "if TYPE_CHECKING:\n    {}"])
+def test_a_circle_of_imports_is_found(back: str, form: str) -> None:
+    sources = {"p": "", "p.a": "from p.b import y", "p.b": form.format(back), "p.c": "import p.a"}
+    assert set(circle(sources, {"p"})) == {"p.a", "p.b"}
+    assert circle(sources | {"p.b": "from p import z"}, {"p"}) == []
 
 
 # --- The files ------------------------------------------------------------------------------------

@@ -20,20 +20,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course import simulations
 from course.check import invalid
-from course.simulations import RECORDED
 from course.simulations import pen as drawing
 from course.simulations.model import KEYS, Experiment, Model
 from course.simulations.record import Field, Record
+from course.simulations.registry import RECORDED, SIMULATIONS
 
 # How long a recording is, and how many pictures it has in a second: as `Step` in live.js.
 SECONDS, RATE = 10.0, 25
 # A recording ends before that where its text would be longer than this, all presets together. But
 # each preset has two different pictures at least, as one that is played has to move.
 ROOM = 1_200_000
-# A point is told in steps of 1 / GRID of the window's unit, a fraction of a pixel; what is farther
-# away is cut off. Two numbers stand for a gap in a line and for what is told exactly.
+# Points are quantised to 1 / GRID of the window's unit, a fraction of a pixel, and clipped to _FAR.
+# _GAP stands for a gap in a line, and _EXACT for a number that is stored exactly.
 GRID, _FAR, _GAP, _EXACT = 512, 2.0**30, -(2**31), 1 - 2**31
 
 _HERE = Path(__file__).parent
@@ -41,7 +40,7 @@ _HERE = Path(__file__).parent
 
 def names() -> tuple[str, ...]:
     """Return the names of all simulations below `course.simulations`, in chapter order."""
-    return simulations.SIMULATIONS
+    return SIMULATIONS
 
 
 def model(name: str) -> Model:
@@ -51,7 +50,7 @@ def model(name: str) -> Model:
         ValueError: there is no such simulation.
     """
     with contextlib.suppress(ModuleNotFoundError, AttributeError):
-        return importlib.import_module(f"{simulations.__name__}.{name}").MODEL
+        return importlib.import_module(f"{__package__}.{name}").MODEL
     raise invalid("name", name, f"one of {', '.join(names())}")
 
 
@@ -133,7 +132,7 @@ def name_of(made: Model) -> str:
     """
     home = made.frame.__module__
     mine = getattr(sys.modules.get(home), "MODEL", None) is made
-    return home.removeprefix(f"{simulations.__name__}.") if mine else ""
+    return home.removeprefix(f"{__package__}.") if mine else ""
 
 
 def content(name: str) -> dict[str, Any]:
