@@ -140,7 +140,7 @@ def vector(
 
 
 def bounds(name: str, value: Any, size: int) -> NDArray[np.float64]:
-    """Return bounds of so many numbers, of each its own or one for all.
+    """Return the bounds of `size` numbers: one for each, or one for all.
 
     Infinite where there is none.
 

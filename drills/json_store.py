@@ -2,7 +2,7 @@
 
 It is written to a temporary name and then replaced, under a lock that the system drops when its
 holder ends, however it ends. So a reader sees the old file or the new one, and two terminals at
-once lose nothing. A file that makes no sense is put aside under another name, never overwritten.
+once lose nothing. A corrupt file is moved aside, never overwritten.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def change(
     """Read, edit in place and write, under the lock.
 
     Returns:
-        What the file holds now, and a notice if a damaged one was put aside.
+        What the file holds now, and a notice if a damaged one was moved aside.
 
     Raises:
         Problem: if the file can't be written; it is then as it was.

@@ -427,7 +427,7 @@ def _divides(
 
 
 def _no_chance(count_wrong: int, count_right: int, features: int) -> bool:
-    """Return whether a limit hardly divides so many by chance, whatever the feature."""
+    """Return whether a limit hardly divides this many by chance, whatever the feature."""
     divisions = math.comb(count_wrong + count_right, count_wrong)
     return 2 * features <= CHANCE * divisions
 

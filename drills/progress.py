@@ -81,7 +81,7 @@ class Loaded:
 
 
 def load(path: Path | None) -> Loaded:
-    """Return the records in the file; a damaged file is put aside and a notice says so.
+    """Return the records in the file; a damaged file is moved aside and a notice says so.
 
     Args:
         path: of the file, or None to keep no progress.
@@ -99,7 +99,7 @@ def change(path: Path | None, name: str, edit: Callable[[Record], None]) -> Load
         edit: changes the record in place.
 
     Returns:
-        The new records, with a notice if a damaged file was put aside.
+        The new records, with a notice if a damaged file was moved aside.
 
     Raises:
         kept.Problem: if the file can't be written; it is then as it was.

@@ -215,7 +215,7 @@ def _speaks_unicode(stream: TextIO | None) -> bool:
     encoding = (getattr(stream, "encoding", None) or "ascii").lower().replace("-", "")
     if not encoding.startswith("utf"):
         return False
-    # Python writes UTF-8 under LC_ALL=C too; whoever reads it there was promised ASCII.
+    # Python writes UTF-8 under LC_ALL=C too; a reader there was promised ASCII.
     report = os.environ.get("PYTHONIOENCODING") or os.environ.get("PYTHONUTF8") == "1"
     return bool(report) or os.environ.get("LC_ALL") not in ("C", "POSIX")
 

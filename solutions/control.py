@@ -255,7 +255,7 @@ def hold_joint(
     Args:
         q: angle at the start, from the horizontal [rad].
         target: angle to hold [rad].
-        pole: the error shall have three poles there, at -pole [1/s].
+        pole: the error must have three poles there, at -pole [1/s].
         load: torque that the controller does not know of [N m].
         dt: sample time and step [s].
         steps: how many.

@@ -195,7 +195,7 @@ def run(notebook: NotebookNode, folder: Path) -> NotebookNode:
         coalesce_streams=True,
         resources={"metadata": {"path": str(folder)}},
     )
-    # Neither the compiler's announcements nor the progress of whoever builds it belong in it. What
+    # The compiler's announcements and the builder's own progress don't belong in the notebook. What
     # takes long is computed, and goes on record for the tests (`course.page_records`).
     quiet = {"COURSE_QUIET": "1", "DRILLS_PROGRESS": "none", "COURSE_CLAIMS": "stored"}
     client.execute(env={**os.environ, **quiet})

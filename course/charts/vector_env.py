@@ -480,7 +480,7 @@ class Arm:
         return np.clip(features(states) @ BY_HAND[0].T, -1.0, 1.0)
 
     def reached(self, act: Any, number: int) -> float:
-        """Return the share of so many common targets that a policy reaches within an episode."""
+        """Return the share of `number` common targets that a policy reaches within an episode."""
         rng = np.random.default_rng(9)
         distance = roll(self, act, self.starts(number, rng), MAX_STEPS, rng).states[:, 1:, 6:]
         return float((np.hypot(*np.moveaxis(distance, 2, 0)) < RADIUS).any(axis=1).mean())

@@ -1,4 +1,4 @@
-"""What a contact solution owes to physics, whoever computed it.
+"""What a contact solution owes to physics, whichever solver computed it.
 
 Models answer to their own laws, which differ; these five numbers are the same for all of them, and
 for every engine that tells its impulses.

@@ -89,7 +89,7 @@ class TouchLaw:
 
 @register_jitable
 def _linear(law, wall, wall_damping, dt):
-    """Return the four of `Law`, of `TouchLaw.numbers`."""
+    """Return the matrices A, B, C and D of `Law` for the gains `TouchLaw.numbers`."""
     stiffness, damping, force_gain = law[0], law[1], law[3]
     mass, give, hold = law[4], law[5], law[6]
     if mass == 0.0:  # the force that is measured counts as stiffness and damping

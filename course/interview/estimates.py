@@ -199,7 +199,7 @@ def grip_force_n(
 
 
 def samples_h(samples: float, samples_per_s: float) -> float:
-    """Return hours that it takes to collect so many samples."""
+    """Return the hours that it takes to collect `samples` samples."""
     return finite("samples", samples, 0.0) / positive("samples_per_s", samples_per_s) / 3600.0
 
 
@@ -259,14 +259,14 @@ def contact_force_n(
 
 
 def wilson_low(solved: int, trials: int) -> float:
-    """Return the lower end of Wilson's two-sided 95 % interval after so many successes."""
+    """Return the lower end of Wilson's two-sided 95 % interval after `solved` successes."""
     from course.measure.success import wilson
 
     return float(wilson(count("solved", solved, 0), count("trials", trials, 1))[0])
 
 
 def wilson_high(solved: int, trials: int) -> float:
-    """Return the upper end of Wilson's two-sided 95 % interval after so many successes."""
+    """Return the upper end of Wilson's two-sided 95 % interval after `solved` successes."""
     from course.measure.success import wilson
 
     return float(wilson(count("solved", solved, 0), count("trials", trials, 1))[1])
@@ -337,7 +337,7 @@ def faultless_trials(failing_share: float) -> int:
 
 
 def times_more(powers: float) -> float:
-    """Return the factor that so many powers of ten are."""
+    """Return ten to the power `powers`."""
     return 10.0 ** finite("powers", powers)
 
 
@@ -377,7 +377,7 @@ def success_needed(allowed_s: float, **cycle: Any) -> float:
 
 
 def picks_to_call(success: float, in_row: int) -> float:
-    """Return the mean number of independent picks until so many misses come in a row."""
+    """Return the mean number of independent picks until `in_row` misses come in a row."""
     miss = 1.0 - finite("success", success, 1e-9, 1.0 - 1e-9)
     runs = miss ** count("in_row", in_row, 1)
     return (1.0 - runs) / ((1.0 - miss) * runs)
@@ -391,7 +391,7 @@ def machines(
     runs: int,
     hours: float,
 ) -> int:
-    """Return machines for so many trainings within `hours`.
+    """Return the number of machines for `runs` trainings within `hours`.
 
     Args:
         samples: of one training.

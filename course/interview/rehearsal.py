@@ -181,7 +181,7 @@ def _scenario(one: scenarios.Scenario) -> Item:
 
 
 def _design(one: designs.Design, minutes: int = 0) -> Item:
-    """Return a design in full, or its form of so many minutes, which has every second line."""
+    """Return a design in full, or its form of `minutes` minutes, which has every second line."""
     chosen = slice(None, None, 2 if minutes else 1)
 
     def aid(answer: str) -> list[str]:

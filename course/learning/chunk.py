@@ -123,7 +123,7 @@ class Executor:
         self.step = 0
 
     def plan(self, states: Array, rng: np.random.Generator, least: int) -> None:
-        """Ask for new chunks of at least so many steps, and remember them."""
+        """Request new chunks of at least `least` steps, and store them."""
         chunk = np.asarray(self.policy(states, rng), dtype=float)
         if chunk.ndim != 3 or chunk.shape[0] != len(states) or chunk.shape[1] < least:
             raise invalid("chunk.shape", chunk.shape, f"({len(states)}, {least} or more, a)")

@@ -66,7 +66,7 @@ def first_finished(
     *,
     discount: float = 0.99,
 ) -> Episodes:
-    """Return the trap: the first so many episodes to finish in environments that reset themselves.
+    """Return the trap: the first `episodes` to finish in environments that reset themselves.
 
     Arguments as for `evaluate`; `episodes` is how many.
     """

@@ -634,7 +634,7 @@ def log_values(grid: Map) -> Array:
 
 
 def theory_line(series: Series, points: int, logarithmic: bool) -> tuple[Array, Array]:
-    """Return theory at so many points between the first and the last x: (x, theory)."""
+    """Return theory at `points` points between the first and the last x: (x, theory)."""
     assert series.theory is not None
     ends = float(np.min(series.x)), float(np.max(series.x))
     dense = np.geomspace(*ends, points) if logarithmic else np.linspace(*ends, points)

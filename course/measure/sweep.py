@@ -1,6 +1,6 @@
 """Many runs of one function, here or anywhere: seeds, ablations, maps of success.
 
-Where jobs run is whoever calls' choice, any `concurrent.futures.Executor`: processes of this
+The caller chooses where jobs run, any `concurrent.futures.Executor`: processes of this
 machine, or a cluster by one line (Dask: `distributed.Client(address).get_executor()`). The results
 are the same at any number of workers, as long as each job has its own seed among its arguments.
 """

@@ -88,7 +88,7 @@ class Link:
             positive("rate", self.rate, unit="bytes/s")
 
     def fragments(self, size: int) -> int:
-        """Return packets of a message of so many bytes."""
+        """Return the number of packets of a message of `size` bytes."""
         return max(1, -(-size // self.fragment))
 
 
@@ -293,7 +293,7 @@ class Bus:
             self.lock.release()
 
     def after(self, seconds: float, call: Callable, *given: Any) -> None:
-        """Call in so many seconds."""
+        """Schedule a call in `seconds` seconds."""
         wait = nanoseconds(finite("seconds", seconds, 0.0, unit="s"))
         self.push(self.tick() + wait, CALL, call, *given)
 
@@ -399,7 +399,7 @@ class Writer:
         self._lease.touch()
 
     def publish(self, value: Any, size: int = 0) -> Sample:
-        """Hand a value of so many bytes to all readers that hear this writer."""
+        """Hand a value of `size` bytes to all readers that are matched with this writer."""
         bus = self.bus
         with bus.lock:
             ns = bus.tick() if bus.real else bus.ns
@@ -529,7 +529,7 @@ class _Match:
                 self.send(sample)
 
     def send(self, sample: Sample, packets: int = 0) -> None:
-        """Send so many packets of a sample, 0 for all, and those that are lost again."""
+        """Send `packets` packets of a sample, 0 for all, and lost ones again."""
         bus, link = self.bus, self.link
         arrival, size, lost = bus.ns, sample.size, 0
         # Each fragment is lost independently; a message is complete when all have arrived.

@@ -47,7 +47,7 @@ class Run:
 
 
 class Executor:
-    """Runs callbacks on so many threads; one runs to its end before its thread takes another.
+    """Runs callbacks on a number of threads; one runs to its end before its thread takes another.
 
     Args:
         threads: in virtual time, numbers; in real time, threads.

@@ -247,7 +247,7 @@ def _answer_ring(out: Ring, back: Ring) -> None:
 
 
 def carriers(size: int) -> dict[str, Any]:
-    """Return the three carriers for messages of up to so many bytes, by name, the floor first."""
+    """Return the three carriers for messages of up to `size` bytes, by name, the floor first."""
     return {
         "queue between threads": threads(),
         "Unix socket": unix_socket(),
@@ -259,7 +259,7 @@ def carriers(size: int) -> dict[str, Any]:
 
 
 def stream(width: int, height: int, pixel: int, rate: float) -> tuple[int, float, int]:
-    """Return what pictures of width x height pixels, of so many bytes each, ask of a link.
+    """Return what pictures of width x height pixels, of `pixel` bytes each, demand of a link.
 
     Returns:
         Bytes of a picture, bytes of payload a second at `rate` [1/s], and datagrams of a picture,

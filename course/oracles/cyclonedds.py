@@ -261,7 +261,7 @@ def verdicts(pairs: Sequence[tuple[QoS, QoS]]) -> list[Verdict]:
 
 
 def own_messages(count: int, ignores: bool) -> int:
-    """Return how many of so many messages a reader gets from a writer of its own participant.
+    """Return how many of `count` messages a reader gets from a writer of its own participant.
 
     Args:
         count: messages that are written.
@@ -284,7 +284,7 @@ def own_messages(count: int, ignores: bool) -> int:
 
 
 def payload_type(size: int, kind: str = "array") -> Any:
-    """Return a message of so many bytes in the field `data`.
+    """Return a message of `size` bytes in the field `data`.
 
     Args:
         size: in bytes.
@@ -346,7 +346,7 @@ class Wire:
 
 @contextlib.contextmanager
 def buffered(least: int | None = None, at_most: int | None = None) -> Iterator[None]:
-    """Sockets whose receive buffer has at least and at most so many bytes.
+    """Sockets whose receive buffer has at least `least` and at most `at_most` bytes.
 
     Holds for domains that start inside, so no participant may be open. By itself Cyclone asks for
     1 MiB. More than net.core.rmem_max lets no participant start.
@@ -453,7 +453,7 @@ def _answer(connected: Any, size: int, qos: QoS, paths: tuple[str, str], kind: s
 
 
 def until(done: Callable[[], bool], seconds: float = PATIENCE) -> bool:
-    """Wait until it is done, but not longer than so many seconds; whether it is."""
+    """Wait until it is done, for `seconds` at most; return whether it is."""
     end = time.monotonic() + seconds
     while not (reached := done()) and time.monotonic() < end:
         time.sleep(0.005)

@@ -119,7 +119,7 @@ def vec_env(envs: Any) -> VecEnv:
 
 
 class Curve(NamedTuple):
-    """A learner's way: after so many environment steps and so much processor time, how good.
+    """A learner's progress: how good it is after its environment steps and processor time.
 
     Attributes:
         steps: shape (k,).

@@ -113,7 +113,7 @@ def train(
     steps: int = 1500,
     seed: int = 0,
 ) -> Network:
-    """Train the network on so many pictures, with so many steps of Adam of 256 patches each.
+    """Train the network on `pictures` images, with `steps` steps of Adam of 256 patches each.
 
     The turn is about the axes that `turn_to` gives to the table's normal, as `locate` uses them.
 

@@ -294,7 +294,7 @@ def injected(
 def failing(
     desired: int, faults: Sequence[Fault] = FAULTS, case: tuple[Scenario, Settings] = CASE
 ) -> list[list[Record]]:
-    """Return so many failing runs of each fault, of at most eight times as many seeds."""
+    """Return `desired` failing runs of each fault, of at most eight times as many seeds."""
     result: list[list[Record]] = [[] for _ in faults]
     for fault, records in zip(faults, result, strict=True):
         for seed in range(8 * desired):
@@ -338,7 +338,7 @@ def confusion(
     contracted: bool = True,
     truth: bool = True,
 ) -> tuple[NDArray[np.int64], list[list[int]], NDArray[np.int64]]:
-    """Return so many failing runs of each fault, diagnosed without a look at it.
+    """Diagnose `desired` failing runs of each fault without a look at the fault.
 
     Args:
         desired: failing runs of each fault; at most eight times as many seeds are tried.

@@ -100,7 +100,7 @@ def _severities(severity: Severity, disturbances: Array) -> Array:
 
 
 def plain(severity: Severity, size: int, runs: int, rng: np.random.Generator) -> Rare:
-    """Return the share of runs that fail, of so many; arguments as for `cross_entropy`."""
+    """Return the share of `runs` runs that fail; arguments as for `cross_entropy`."""
     failed = _severities(severity, rng.standard_normal((size, count("runs", runs, 1)))) > 0.0
     return _estimate(failed.astype(float), runs, runs, np.zeros(size), np.ones(size))
 

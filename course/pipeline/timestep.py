@@ -75,7 +75,7 @@ def chain(
 
 
 def repeated(process: Process, times: int) -> Process:
-    """Return the process of somebody who repeats each action so many times."""
+    """Return the process in which each action is repeated `times` times."""
     P = process.transition.transpose(1, 0, 2)
     step = np.einsum("ijk,ijk->ji", process.transition, process.reward)
     paid, through = np.zeros(step.shape), np.broadcast_to(np.eye(P.shape[1]), P.shape)

@@ -263,7 +263,7 @@ def plan(
     one_of("method", method, METHODS)
     if not isinstance(world, World):
         raise invalid("world", world, "a World")
-    # Whoever limits the time means the planner's, not the compiler's at the first call.
+    # A time limit is meant for the planner, not for the compiler at the first call.
     _ = world.kernels
     LOOPS.get(method, _nothing)()
     begun = time.perf_counter()

@@ -157,7 +157,7 @@ class Judged:
 def judged(
     engine: Engine, scene: Scene, dt: float, steps: int, settings: Settings = FAIR
 ) -> Judged:
-    """Return the contacts of the last of so many steps, judged as one step of chapter 2.
+    """Return the contacts of the last of `steps` steps, judged as one step of chapter 2.
 
     Raises:
         ValueError: where nothing touches in that step.

@@ -100,7 +100,7 @@ class Image(NamedTuple):
 
 
 class Event(NamedTuple):
-    """One phase having run.
+    """Record of a completed phase.
 
     Attributes:
         time: when it ran, in simulated time [s].

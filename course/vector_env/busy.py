@@ -12,7 +12,7 @@ from course.check import count
 
 
 class Busy(Env[Any, Any]):
-    """Its step is a checksum over so many bytes; what it returns never changes."""
+    """Its step is a checksum over `size` bytes; what it returns never changes."""
 
     def __init__(self, size: int) -> None:
         """Set the cost.

@@ -2,7 +2,7 @@
 
 When that is comes from the library fsrs (a model of memory; the chance to recall is kept at nine in
 ten). The file holds its state of each card and what was rated. `drills.json_store` says how it is
-read and written: two terminals at once lose nothing, and a damaged file is put aside.
+read and written: two terminals at once lose nothing, and a damaged file is moved aside.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def beside(progress_file: Path | None) -> Path | None:
 
 
 def load(path: Path | None) -> tuple[Reviews, tuple[str, ...]]:
-    """Return the reviews in the file, and what to tell of it; a damaged file is put aside.
+    """Return the reviews in the file, and messages about it; a damaged file is moved aside.
 
     Args:
         path: of the file, or None to keep none.

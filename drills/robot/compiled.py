@@ -35,7 +35,7 @@ from drills.robot.slots import COURSE, YOURS, Part
 if TYPE_CHECKING:
     from drills.robot.loop import Arm
 
-# What one tick costs is measured over so many, to split the time of a motion among two stages.
+# The cost of one tick is measured over this many, to split the time of a motion among two stages.
 _TICKS = 2000
 
 

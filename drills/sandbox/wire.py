@@ -66,7 +66,7 @@ def type_name(value: Any) -> str:
 
 
 def extent(shape: Sequence[int]) -> int:
-    """Return how many rows an array has to whoever walks through it.
+    """Return how many rows a loop over an array visits.
 
     Many even where each is empty.
     """

@@ -287,6 +287,7 @@ def test_command_prints_a_table_of_80_columns():
     )
     assert result.returncode == 0, result.stdout + result.stderr
     assert "semi_implicit_limit" in result.stdout and "limit_ms = 6.3246" in result.stdout
+    assert "1 claim (1 " in result.stdout.splitlines()[-1]
     assert max(len(line) for line in result.stdout.splitlines()) <= 80
 
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course.simulations import interview
+from course.simulations import pen as draw
 from course.simulations.model import Experiment
 from tests.budget import examples
 
@@ -44,6 +45,19 @@ def test_the_chapter_opens_with_a_question_and_a_timer() -> None:
     assert (run.controls["card"], run.controls["turned"]) == (1, 0)
     run.advance(200.0)
     assert run.state["answering"] == interview.ALLOWED
+
+
+def test_the_opening_picture_moves_within_a_second() -> None:
+    """Something that is drawn changes, not only a number below the picture or at an axis."""
+
+    def drawn(run: Experiment) -> list[tuple[int, bytes]]:
+        items = [i for i in draw.decode(run.picture()) if i.kind not in (draw.TEXT, draw.READOUT)]
+        return [(item.kind, item.points.tobytes()) for item in items]
+
+    run = Experiment(interview.MODEL)
+    before = drawn(run)
+    run.advance(1.0)
+    assert drawn(run) != before
 
 
 def test_answers_are_forgotten_as_days_pass() -> None:

@@ -213,8 +213,9 @@ def trained(
     It has several heads, and only the nearest one learns.
 
     One head would learn the mean of all answers, which is none (Guzman-Rivera et al., Multiple
-    choice learning, 2012). The network sees some rows of the pose, has two hidden layers and takes
-    so many steps of Adam, each with 512 fresh postures. Returns (target, rng) -> starts (n, heads).
+    choice learning, 2012). The network sees some rows of the pose, has two hidden layers and is
+    trained for `steps` steps of Adam, each with 512 new postures. Returns (target, rng) -> starts
+    (n, heads).
     """
     import torch
 
@@ -299,8 +300,8 @@ def learned_seeds(
 
     They are starts for Levenberg-Marquardt, and the share of answers that they cover.
 
-    On the left `targets` of the 7-R arm, with so many steps of training and a table of so many
-    postures; on the right `points` of the 3-R arm, by numbers of starts (`draws`).
+    On the left `targets` of the 7-R arm, with `steps` steps of training and `table` postures
+    in the table; on the right `points` of the 3-R arm, by numbers of starts (`draws`).
     """
     arm, begun, rng = panda(), time.process_time(), np.random.default_rng(3)
     network = trained(arm, range(7), steps=steps)

@@ -69,7 +69,7 @@ def closed(number: int) -> Answer:
 
 
 def searched(starts: int) -> Answer:
-    """Return a method: the course's Levenberg-Marquardt, compiled, from so many uniform starts."""
+    """Return a method: the course's Levenberg-Marquardt, compiled, from `starts` uniform starts."""
     arm = panda()
 
     def answer(target: Array, rng: np.random.Generator) -> Array | None:

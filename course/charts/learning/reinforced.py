@@ -60,7 +60,7 @@ def trained(
     reward: str = "potential",
     **task: Any,
 ) -> Trained:
-    """Return ours, judged at so many points; judging is left out of the time."""
+    """Return ours, judged at `points` points; judging is not part of the time."""
     envs = PointReachVector(NUM, reward, autoreset_mode="SameStep", **task)
     paid = reward if reward == "hover" else "sparse"
     rounds = max(1, steps // (NUM * settings.horizon))

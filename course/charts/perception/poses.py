@@ -204,7 +204,7 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
             pose = compose(TABLE[:, None], at[:, None])[:, 0]
             scene = perception.together([shape("plane").moved(TABLE), BOX.moved(pose)])
             depth = scale * sense(render(scene, EYE)[0], EYE, SENSOR, rng)
-            # The best pose, if any is found: its error, and the two values that shall judge it.
+            # The best pose, if any is found: its error, and the two values that are to judge it.
             for one in perception.locate(depth, EYE, SENSOR, BOX)[:1]:
                 deviation = perception.pose_distance(BOX, pose, one.pose)[0]
                 result.setdefault(name, []).append((deviation, one.residual, one.see_through))

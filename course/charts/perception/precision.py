@@ -47,7 +47,7 @@ def box_surface(half: Array, count: int, rng: np.random.Generator) -> tuple[Arra
 
 
 def model_points(voxel: float) -> int:
-    """Return how many points a model of the box needs to be spaced like a grid of so many metres.
+    """Return how many points a model of the box needs for a spacing of `voxel` metres.
 
     Open3D builds the tree of its target at each call, so a denser model would only cost it time.
     """

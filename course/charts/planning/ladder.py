@@ -30,7 +30,7 @@ CACHED: dict[str, Any] = {"method": "roadmap", "budget": 10 * SAMPLES}
 
 
 def certified(requested: Shelf, queries: int, seed: int) -> tuple[list[Query], int]:
-    """Return so many queries that a long search solves, and how many drawn it did not."""
+    """Return `queries` queries that a long search solves, and how many it failed to solve."""
     rng, result, rejected = np.random.default_rng(seed), list[Query](), 0
     while len(result) < queries:
         start, goal = requested.query(rng)

@@ -20,13 +20,13 @@ from course.rigid_body.integrators import STANDARD_GRAVITY, Array
 from course.rigid_body.spatial import advance_bodies
 
 SIZES = (1, 10, 100, 1000, 10_000, 100_000)
-# A whole run of so many boxes would take MuJoCo minutes: from here on a run is a few steps of boxes
-# that are caught at all moments of their runs.
+# A whole run of this many boxes would take MuJoCo minutes: above this number, a run is a few steps
+# of boxes that are caught at all moments of their runs.
 MIXED_FROM = 100_000
 
 
 Run = Callable[[int], tuple[Array, Any]]
-"""Takes so many steps from the start, the same one every time."""
+"""Takes a number of steps from the start, the same one every time."""
 
 
 @dataclass(frozen=True)

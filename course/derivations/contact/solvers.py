@@ -64,7 +64,7 @@ def mujoco_is_convex_and_unique(result):
     rigid = [solve(model, same).impulses[:, 0] for model in ("lcp", "pgs")]
 
     def sliding(solver, steps):
-        """Return forces of a block that comes down sliding, after so many of Newton's steps."""
+        """Return forces of a block that comes down sliding, after `steps` of Newton's steps."""
         made = contact.block(contact.Options(), 0.0, (2.0, 0.5), 0.01)
         made.v0[2] = -1.0
         made.run(steps)

@@ -23,7 +23,7 @@ def late(**changed):
 
 
 def through(offered, requested, link, messages=2000, interval=1e-3):
-    """Return the reader that messages went to on the bus, one every so many seconds."""
+    """Return the reader that messages went to on the bus, one every `interval` seconds."""
     from course.middleware.bus import Bus
 
     bus = Bus()

@@ -180,7 +180,7 @@ def dbscan_separates(result):
         return dbscan(voxel_mean(x + 0.5 * voxel, voxel)[0], eps, 10)[0].max() + 1
 
     def faces(count, half, hidden=0.0):
-        """Return the clusters of two square faces of so many points, far apart.
+        """Return the clusters of two square faces of `count` points, far apart.
 
         Something in front may hide a strip of the first one, this wide [m].
         """

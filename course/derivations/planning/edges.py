@@ -222,7 +222,7 @@ def near_the_goal(result):
         return all(planning.edge_free(here, q, aim) for q in free)
 
     def among(here, low, high, per_metre=1.0):
-        """Return `all_joined` around a random goal, within so many of its clearances."""
+        """Return `all_joined` around a random goal, within `low` to `high` of its clearance."""
         aim = scenes.free_state(here, result.rng)
         clear = per_metre * planning.clearance(here, aim)
         return all_joined(here, aim, result.rng.uniform(low, high) * clear)

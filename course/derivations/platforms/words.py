@@ -18,7 +18,7 @@ SYMBOLS = {
 
 
 def seconds(call, repeats):
-    """Return the least processor time of one of so many calls, five times tried [s]."""
+    """Return the least processor time of a call, in five rounds of `repeats` calls [s]."""
     result = []
     for _ in range(5):
         start = time.process_time()

@@ -19,7 +19,7 @@ SYMBOLS = {
 
 
 def drawn(rng, ends=0, states=6):
-    """Return a process with two actions and so many states in which it ends."""
+    """Return a process with two actions and `ends` states in which it ends."""
     from course.sim_to_real import Process
 
     P, R = rng.dirichlet(np.full(states, 0.3), (states, 2)), rng.normal(size=(states, 2, states))
@@ -119,7 +119,7 @@ def time_is_an_end(result):
     n, steps = int(result.input("n", 40)), int(result.input("steps", 2))
 
     def first(process, value):
-        """Return best first actions, with so many steps to go and this value of the last state."""
+        """Return best first actions, with `steps` steps to go and this value of the last state."""
         for _ in range(steps):
             q = process.backup(value)
             value = q.max(axis=1)

@@ -307,7 +307,7 @@ def contact_state(runner: Runner) -> ContactState | None:
 
 
 def iterations(runner: Runner, steps: int) -> int:
-    """Return how many iterations the solver takes over so many steps from the start."""
+    """Return how many iterations the solver takes over `steps` steps from the start."""
     mujoco = library()
     runner.reset()
     taken = 0

@@ -1,6 +1,6 @@
 """MuJoCo asked what shapes cost: bodies in a box of walls, that differ in their shape only.
 
-Spheres, boxes and hulls of so many points on one sphere, of one mass, fall into a pen. Steps a
+Spheres, boxes and hulls of a number of points on one sphere, of one mass, fall into a pen. Steps a
 second, contacts, rows of the constraint solver, and the time of its parts are MuJoCo's own. Nothing
 is switched off but the automatic reset: it is the usual simulator that is asked.
 """
@@ -91,7 +91,7 @@ class Heap:
         self.run(settle)
 
     def run(self, steps: int) -> None:
-        """Go on by so many steps, in one compiled loop: the part to be timed."""
+        """Advance by `steps` steps, in one compiled loop: the part to be timed."""
         self._mujoco.mj_step(self.model, self.data, count("steps", steps, 1))
 
     def measure(self, steps: int) -> Cost:

@@ -41,7 +41,7 @@ class BroadPhase:
         self._mujoco.mj_comPos(self.model, self.data)
 
     def seconds(self, calls: int) -> float:
-        """Return the time of the broad phase in so many calls, by MuJoCo's own clock [s]."""
+        """Return the time of the broad phase in `calls` calls, by MuJoCo's own clock [s]."""
         timer = self.data.timer[self._mujoco.mjtTimer.mjTIMER_COL_BROAD]
         before = timer.duration
         for _ in range(calls):

@@ -69,7 +69,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Args:
             label: of the case.
             n: number of links.
-            hit: whether the arm shall touch a disc.
+            hit: whether the arm is to touch a disc.
             radius: of each disc [m].
             level: simple, core or edge.
             turning: size of each joint's turn [rad], before it is scaled at random.

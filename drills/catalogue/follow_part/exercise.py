@@ -33,7 +33,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         captured = np.arange(n) / 30.0 + rng.uniform(0.0, 0.01)
         if gap:
             captured[n // 2 :] += 0.4  # somebody stands in front of the camera
-        # Whoever takes another image than the right one is told so, unless nobody touches it.
+        # Where something disturbs the rig, the images differ, so that a wrong one is noticed.
         moved = 0.3 + 0.02 * rng.normal(size=n) * (every > 0.01 or save > 0.0 or work > 0.02)
         received = captured + rng.uniform(0.004, 0.012, n)
         frames = np.column_stack((captured, received, moved + drift * captured))

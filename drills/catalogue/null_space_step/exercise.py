@@ -31,7 +31,7 @@ def _planar(q: Array) -> tuple[Array, Array]:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return arms in the plane whose elbow shall rise, drawn Jacobians, and none left over."""
+    """Return arms in the plane whose elbow is to rise, random Jacobians, and a square one."""
 
     def jacobian(m: int, n: int) -> Array:
         U, _, _ = np.linalg.svd(rng.normal(size=(m, m)))
@@ -152,7 +152,7 @@ SLIPS = slips(
     weights_upside_down=(
         _SCALE,
         "scale = 1.0 / np.sqrt(np.asarray(weights, dtype=float))",
-        "The weights are used upside down: a joint of large weight shall keep nearer to the wish. "
+        "The weights are used upside down: a joint of large weight must stay nearer to the wish. "
         "A = W^-1 J^T (J W^-1 J^T)^-1 has the inverse of W.",
     ),
     weights_for_their_roots=(

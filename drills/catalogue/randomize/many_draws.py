@@ -50,7 +50,7 @@ def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:
     ]
     gap = max(gaps) if np.isfinite(gaps).all() else np.inf
     back = _equal(restored, bench.before, ("body_mass", "body_inertia", "dof_damping"))
-    # One draw cannot leave these ranges: whoever does has multiplied draw upon draw.
+    # One draw cannot leave these ranges: an answer that does has multiplied one draw by another.
     drifted = bool(
         np.any(bench.factors(again["body_mass"]) < bench.setting.mass[0])
         or np.any(bench.factors(again["body_mass"]) > bench.setting.mass[1])
