@@ -452,6 +452,12 @@ def test_every_command_in_the_text_is_there(name: str) -> None:
         assert path.with_suffix(".py").exists() or (path / "__main__.py").exists(), module
 
 
+def test_contributing_names_a_field_of_a_chapter() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    (field,) = re.findall(r"Set `(\w+)=True`", text)
+    assert getattr(CHAPTERS[0], field) is True
+
+
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_every_link_in_the_text_leads_somewhere(name: str) -> None:
     text = (ROOT / name).read_text(encoding="utf-8")
