@@ -254,7 +254,7 @@ def graded(
 def report_result(
     session: Session, card: Card, report: Report, path: str
 ) -> tuple[int, dict[str, Any]]:
-    """Write the feedback; gives the exit code and the data."""
+    """Print the feedback and return the exit code and payload."""
     from drills import feedback
 
     terminal = session.terminal

@@ -85,7 +85,7 @@ class Session:
         self.terminal.wrap(text, indent, first)
 
     def finish(self, code: int, payload: dict[str, Any]) -> int:
-        """Write the notices and, where it is asked for, the line of JSON; gives the exit code."""
+        """Print the notices and, if requested, the line of JSON; return the exit code."""
         for notice in self.notices:
             self.terminal.complain(f"Note: {notice}")
         head = {"schema": SCHEMA, "command": self.command, "exit": code}
