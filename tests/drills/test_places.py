@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from pathlib import Path
 
@@ -45,6 +46,20 @@ def test_exercises_stand_in_their_notebook_in_the_order_of_their_places(chapter)
         correct = is_starter(card, starter) and call in (cells[k + 1][-len(call) :], cells[k + 2])
         assert correct, f"{problem}. They should be:\n\n{pasted(card)}"
         assert card.solution == f"solutions.{chapter.topic}:{card.entry}"
+
+
+WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS_READY, ids=lambda chapter: chapter.topic)
+def test_a_page_that_counts_its_exercises_counts_right(chapter) -> None:
+    text = (
+        ROOT / "notebooks" / "source" / Path(chapter.notebook).with_suffix(".py").name
+    ).read_text()
+    mine = [c for c in catalogue.cards() if c.chapter == chapter.number and not c.drill]
+    pattern = rf"\b({'|'.join(WORDS)}) (?:graded )?exercises(?P<hunt> and a bug hunt)?"
+    for match in re.finditer(pattern, text, re.IGNORECASE):
+        assert WORDS.index(match[1].lower()) + bool(match["hunt"]) == len(mine), match[0]
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "solutions").glob("*.py")), ids=lambda p: p.stem)
