@@ -132,8 +132,10 @@ def chart(session: Session, card: Card, file: str | None, seed: int, target: Pat
     report = graded(session, card, path, seed, quietly=True)
     # A wrong answer has no place on the chart: its error would not shrink with the work.
     if not report.passed:
-        session.say("Only a right answer goes on the chart.")
-        return session.finish(*report_result(session, card, report, path))
+        session.wrap(f"Only a right answer goes on the chart. {report.sentence}")
+        other = "" if file is None else f" --file {workspace.shown(Path(path))}"
+        session.say(f"The feedback: drills check {card.name}{other} --seed {seed}")
+        return session.finish(WRONG, {**_data(session, card, report, path), "picture": None})
     from drills import chart as charts  # here, as it loads the grader, which other commands spare
 
     session.seed, session.drill = seed, card.name

@@ -366,6 +366,7 @@ def html(report: Report, card: Card, picture: bytes = b"") -> str:
     )
     parts = [f"<p>{badge} <b>{escape(card.title)}</b></p>"]
     if report.reason is Reason.NOT_ATTEMPTED:
+        parts += [f"<p>{escape(note)}</p>" for note in report.notes]
         return _boxed(parts, colour)
     if report.passed:
         parts.append(f"<p>All {len(report.checks)} checks hold. {escape(card.insight)}</p>")

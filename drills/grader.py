@@ -62,6 +62,10 @@ def grade(
         report = Report(card.name, chosen, filename, source)
         report.reason = Reason.NOT_ATTEMPTED
         report.sentence = SENTENCES[Reason.NOT_ATTEMPTED]
+        if _has_other_code(card, source):
+            report.notes.append(
+                f"{card.entry} is still the starter's. The other code in the file was not run."
+            )
         return report
     return attempt(card, source, filename=filename, seed=chosen).report
 
@@ -286,6 +290,20 @@ def _entry_text(source: str, entry: str) -> str | None:
         return None
 
 
+def _has_other_code(card: Card, source: str) -> bool:
+    """Return whether an untouched starter has code around it that the starter did not have."""
+    ours, theirs = (
+        [_bare(node) for node in ast.parse(text).body if not _is_text(node)]
+        for text in (card.starter(), source)
+    )
+    return any(statement not in ours for statement in theirs)
+
+
+def _is_text(node: ast.stmt) -> bool:
+    """Return whether a statement is a bare string, such as the docstring of a file."""
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
 def _is_definition(node: ast.AST, name: str | None = None) -> bool:
     is_one = isinstance(node, ast.FunctionDef | ast.ClassDef)
     return is_one and name in (None, getattr(node, "name", None))
@@ -296,6 +314,6 @@ def _bare(node: ast.stmt) -> str:
     for inner in ast.walk(node):
         if isinstance(inner, ast.FunctionDef | ast.ClassDef) and len(inner.body) > 1:
             head = inner.body[0]
-            if isinstance(head, ast.Expr) and isinstance(head.value, ast.Constant):
+            if _is_text(head):
                 del inner.body[0]
     return ast.dump(node)

@@ -282,6 +282,10 @@ def test_a_wrong_answer_gets_no_chart(place: Place) -> None:
     place.answer(WRONG)
     assert place.json("chart", "verlet")["verdict"] == "fail"
     assert sorted(path.name for path in place.work.iterdir()) == ["verlet.py"]
+    lines = place.run("chart", "verlet").out.splitlines()
+    assert lines[0].startswith("Only a right answer goes on the chart.")
+    assert lines[-1] == "The feedback: drills check verlet --seed 0"
+    assert len(lines) <= 4  # the reason, not the whole feedback
 
 
 def test_doctor_names_the_protections(place: Place) -> None:

@@ -15,6 +15,7 @@ import pytest
 
 from drills import cards as catalogue
 from drills import exercise as exercises
+from drills import feedback
 from drills import grader as engine
 from drills.attempt import Attempt
 from drills.cards import Quantity, Signature
@@ -138,6 +139,16 @@ def test_an_untouched_starter_is_recognised_whatever_its_layout() -> None:
     assert not engine.is_starter(card, RIGHT)
     assert not engine.is_starter(card, "(" * 100000)
     assert not engine.is_starter(card, "x = " + "-" * 100000 + "1")
+
+
+def test_other_code_around_an_untouched_starter_is_named() -> None:
+    starter = catalogue.card("fk3").starter()
+    report = grade("fk3", starter + "\n\ndef helper(x):\n    return 2 * x\n")
+    assert report.reason is Reason.NOT_ATTEMPTED
+    assert report.notes == ["fk3 is still the starter's. The other code in the file was not run."]
+    assert "was not run" in feedback.html(report, catalogue.card("fk3"))
+    for same in (starter, f'"""My notes."""\n# a comment\n{starter}'):
+        assert grade("fk3", same).notes == []
 
 
 @pytest.mark.prove
