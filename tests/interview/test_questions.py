@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from course import CHAPTERS, derivations, interview
 from course.derivations import records
+from course.interview import designs
 
 TOPICS = sorted(path.name for path in interview.FOLDER.iterdir())
 ALL = [(topic, question) for topic in TOPICS for question in interview.questions(topic)]
@@ -56,6 +58,22 @@ def test_a_question_is_complete_and_its_figures_are_there(topic, question) -> No
     text = question.markdown(records.figure)
     assert question.title in text and "{" not in interview._QUIET.sub("", text.replace("\\{", ""))
     assert "| |-" not in text, "a table was wrapped like a paragraph: one row, one line"
+
+
+# What an answer says that leans on the limits of a standard.
+LEANS = re.compile(r"permitted forces?\b|body region|part of the body|performance level")
+NUMBER = re.compile(r"\b(?:ISO(?:/TS)?|IEC) \d+(?:-\d+)*(:\d{4})?")
+
+
+def test_limits_for_safety_are_those_of_standards_with_their_editions() -> None:
+    answers = {place: f"{one.minute}\n{one.full}" for place, one in PLACES.items()}
+    answers |= {f"design/{name}": designs.read(name).answer for name in designs.NAMES}
+    leaning = {place: text for place, text in answers.items() if LEANS.search(text)}
+    assert {"control/hurting_people", "design/among_people"} <= leaning.keys()
+    for place, text in answers.items():
+        numbers = list(NUMBER.finditer(" ".join(text.split())))
+        assert all(number[1] for number in numbers), place
+        assert numbers or place not in leaning, place
 
 
 # The twelve questions that everybody hears, one a chapter, and the drills and scenarios.

@@ -331,6 +331,12 @@ def test_one_minute_and_one_cause_are_singular() -> None:
     assert scenarios.in_minutes(2) == "2 minutes"
 
 
+def test_rounding_is_shown_as_zero() -> None:
+    finding = scenarios.Finding("log_energy", -1.665e-17, "1", 5, 5, model=1e-18)
+    assert str(finding) == "log_energy: 0 1, on the model: 0 1 (5 min spent)"
+    assert scenarios.span(scenarios.Range("x", -2e-16, 0.25)) == "0 to 0.25"
+
+
 def test_bad_input_is_named() -> None:
     for act, name in (
         (lambda: scenarios.diagnose("nothing"), r"name must be .*, got 'nothing'"),
