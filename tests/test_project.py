@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from course import CHAPTERS, charts
+from course import CHAPTERS, PREREQUISITES, charts
 from tests import budget
 from tools import contents, front, gallery
 
@@ -37,6 +37,29 @@ def test_a_chapter_has_the_title_of_its_page(chapter) -> None:
     source = ROOT / "notebooks" / "source" / f"{Path(chapter.notebook).stem}.py"
     first = re.search(r"^# # (.*)$", source.read_text(encoding="utf-8"), re.M)
     assert first is not None and first[1] == f"{chapter.number} · {chapter.title}"
+
+
+# What a chapter needs, and how the front page calls it.
+MATHEMATICS = {
+    "vector|matri|least squares": "Linear algebra",
+    "derivative": "derivatives",
+    "eigenvalue": "eigenvalues",
+    "differential equation": "differential equations",
+    "probabilit|expectation|variance|distribution": "probability",
+}
+
+
+def test_the_front_page_names_the_mathematics_that_the_chapters_need() -> None:
+    """Each chapter says at its top what it needs, as the front page promises."""
+    named = set()
+    for chapter in CHAPTERS:
+        source = ROOT / "notebooks" / "source" / f"{Path(chapter.notebook).stem}.py"
+        text = re.sub(r"\s*\n#? ?", " ", source.read_text(encoding="utf-8"))
+        needs = re.search(r"(?:\*\*Know first:\*\*|You need) ([^.]+)\.", text[:8000])
+        assert needs, chapter.topic
+        named |= {name for words, name in MATHEMATICS.items() if re.search(words, needs[1])}
+    assert named >= {"eigenvalues", "derivatives", "probability"}
+    assert [name for name in sorted(named) if name not in PREREQUISITES] == []
 
 
 def test_the_front_page_counts_what_is_there() -> None:

@@ -52,7 +52,7 @@ def sweep(
         saved: a file for the results that are there, written whole after each job and read first:
             a sweep that was interrupted goes on where it was. Delete it when the function changes.
         progress: called with the jobs that are done and all; None for a line on standard error at
-            each tenth, unless COURSE_QUIET is 1.
+            each tenth where that is a terminal, unless COURSE_QUIET is 1.
 
     Returns:
         The results in the order of the jobs.
@@ -139,5 +139,7 @@ def _write(path: str | Path, owner: str, done: Mapping[str, Any]) -> None:
 
 
 def _report_progress(done: int, jobs: int) -> None:
-    if os.environ.get("COURSE_QUIET") != "1" and 10 * done // jobs > 10 * (done - 1) // jobs:
+    # A notebook would show the line on a red ground, like a warning.
+    quiet = os.environ.get("COURSE_QUIET") == "1" or not sys.stderr.isatty()
+    if not quiet and 10 * done // jobs > 10 * (done - 1) // jobs:
         print(f"{done} of {jobs} jobs", file=sys.stderr)

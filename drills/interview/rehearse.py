@@ -460,9 +460,10 @@ class Talk:
             self.ask(item.title)
             self.session.wrap("Your answer:")
             self.show_typed(entry.answer)
-        self.session.say("\nHow good was that? Give each of the following lines a mark:")
+        self.session.say()
+        self.session.wrap("How good was that? Give each of the following lines a mark:")
         for i, mark in enumerate(MARKS):
-            self.session.say(f"  {i} {mark}: {MEANING[mark]}")
+            self.session.wrap(f"{mark}: {MEANING[mark]}", "    ", f"  {i} ")
         hints = [f" [your words suggest: {mark}]" for mark in item.aid(entry.answer)]
         for at in range(len(entry.marks), len(item.rubric)):
             line = item.fill(item.rubric[at], figure) + (hints[at] if hints else "")

@@ -734,6 +734,15 @@ def test_a_pipe_of_80_columns_in_ascii(place: Place) -> None:
     assert place.run("interview", "--chapters", "1,99").code == 2
 
 
+def test_a_narrow_terminal_cuts_no_line(place: Place) -> None:
+    """Of 40 columns; only the name of the report's file can't be broken."""
+    options = ("interview", "--kind", "concept", "--chapters", "1", "--seed", "7")
+    done = place.run(*options, text="An answer.\n.\n" + "1\n" * 4 + ".\n", COLUMNS="40")
+    lines = [line for line in done.out.splitlines() if "report-" not in line]
+    assert "How good was that?" in done.out and "defended: you also" in done.out
+    assert [line for line in lines if len(line) > 40] == []
+
+
 @pytest.mark.prove
 def test_an_editor_takes_the_answer(place: Place) -> None:
     editor = place.folder / "editor"

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import time
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
@@ -139,6 +140,10 @@ def test_bad_input_and_progress(capsys, monkeypatch):
         sweep(draw, [{"seed": 1, "size": 2}, {"size": 2, "seed": 1}])
     monkeypatch.setenv("COURSE_QUIET", "0")
     assert sweep(draw, []) == []
-    sweep(draw, [{"seed": s, "size": 1} for s in range(20)])
+    many = [{"seed": s, "size": 1} for s in range(20)]
+    sweep(draw, many)
+    assert capsys.readouterr().err == ""  # in a notebook it would look like a warning
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    sweep(draw, many)
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "2 of 20 jobs" and lines[-1] == "20 of 20 jobs" and len(lines) == 10
