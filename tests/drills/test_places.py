@@ -62,6 +62,14 @@ def test_a_page_that_counts_its_exercises_counts_right(chapter) -> None:
         assert WORDS.index(match[1].lower()) + bool(match["hunt"]) == len(mine), match[0]
 
 
+def test_every_chapter_has_an_easy_exercise_and_some_of_the_course_are_the_hardest() -> None:
+    levels = {chapter.number: set[int]() for chapter in CHAPTERS_READY}
+    for card in catalogue.cards():
+        levels[card.chapter].add(card.difficulty)
+    assert [number for number, found in levels.items() if 1 not in found] == []
+    assert sum(5 in found for found in levels.values()) >= 2
+
+
 @pytest.mark.parametrize("path", sorted((ROOT / "solutions").glob("*.py")), ids=lambda p: p.stem)
 def test_a_worked_answer_needs_numpy_and_the_standard_library_only(path: Path) -> None:
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))

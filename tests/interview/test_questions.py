@@ -76,6 +76,14 @@ def test_limits_for_safety_are_those_of_standards_with_their_editions() -> None:
         assert numbers or place not in leaning, place
 
 
+def test_what_ours_did_was_measured_in_a_course() -> None:
+    """A candidate says where a figure comes from, and has no project of this name."""
+    for place, one in PLACES.items():
+        text = " ".join(f"{one.minute} {one.full}".split())
+        if re.search(r"\bours (ran|reached|had|took|needed|was|were|made|stayed)\b", text):
+            assert re.search(r"\b[Ii]n a course\b", text), place
+
+
 # The twelve questions that everybody hears, one a chapter, and the drills and scenarios.
 ASKED = {
     "F142": "role/bin_picking",
