@@ -45,7 +45,7 @@ MATHEMATICS = {
     "derivative": "derivatives",
     "eigenvalue": "eigenvalues",
     "differential equation": "differential equations",
-    "probabilit|expectation|variance|distribution": "probability",
+    "probability|expectation|variance|distribution": "probability",
 }
 
 
