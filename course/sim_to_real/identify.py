@@ -356,7 +356,7 @@ def whiteness(residual: Array) -> float:
     return float(gammaincc(0.5 * n * lags.size, 0.5 * Q))
 
 
-def late(result: Fit, log: Log) -> tuple[float, float]:
+def measurement_lag(result: Fit, log: Log) -> tuple[float, float]:
     """Return by how much the measurements are late, and its standard deviation [s].
 
     The residual against the rate of the simulated signals, what the parameters explain taken out.

@@ -85,8 +85,8 @@ def attribution(value: Mapping[Subset, float]) -> dict[str, tuple[float, float, 
     return result
 
 
-def hurting(value: Mapping[Subset, float]) -> list[tuple[Subset, str, float]]:
-    """Return every mending that lowers the value, worst first: (mended before, mended now, change).
+def harmful_corrections(value: Mapping[Subset, float]) -> list[tuple[Subset, str, float]]:
+    """Return every correction that lowers the value, worst first: (corrected before, now, change).
 
     Args:
         value: of every subset of the parts.
@@ -119,7 +119,7 @@ def transfer_bound(gamma: float, eps: float, reward: float = 1.0) -> float:
     return gamma * finite("eps", eps, 0.0, 1.0) * positive("reward", reward) / (1.0 - gamma) ** 2
 
 
-def reached(gamma: float, eps: float) -> float:
+def share_of_bound(gamma: float, eps: float) -> float:
     """Return the share of the bound that the worst chain of two states reaches.
 
     It pays in the first, where the simulator stays for ever and the real one leaves for good with

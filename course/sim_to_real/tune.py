@@ -3,7 +3,7 @@
 The learner is the simplest there is, cross-entropy search over six gains, so that what a policy
 loses on the real arm comes from the arms that it was tuned on and from nothing else. What it
 lowers is the share of failures plus the share of the time outside the target: towards the fastest
-policy that its simulator lets pass, which is how a policy comes to fit a simulator too well.
+policy that succeeds in its simulator, which is how a policy overfits to a simulator.
 """
 
 from __future__ import annotations

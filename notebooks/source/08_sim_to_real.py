@@ -118,7 +118,7 @@ from course.sim_to_real import (
     excitation,
     fit,
     grid,
-    late,
+    measurement_lag,
     mended,
     only,
     plants,
@@ -861,7 +861,7 @@ stamped = np.hstack([log.measured[:, :1], log.measured[:, :-1]])
 slipped = Log(log.times, stamped, log.command)
 wrong = fit(arm, slipped, logs.GUESS, logs.FREE)
 error = np.abs(wrong.value - truth) / np.sqrt(np.diag(result.covariance))
-lag, sure = late(wrong, slipped)
+lag, sure = measurement_lag(wrong, slipped)
 worst = 100 * np.abs(wrong.value / truth - 1).max()
 name = result.names[error.argmax()]
 print(
@@ -1216,7 +1216,7 @@ table(*rows)
 # %% tags=["hide-code"]
 points = stored("mending")[0][""]
 value = dict(zip(sim_to_real.subsets(transfer.PARTS), np.array(points.y), strict=True))
-worse = sim_to_real.hurting(value)
+worse = sim_to_real.harmful_corrections(value)
 
 
 def half_width(some, part):

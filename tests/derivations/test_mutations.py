@@ -133,6 +133,14 @@ def _item(id):
         ("explicit_damped_limit", "dt < 2*zeta/omega", "dt < 2.001*zeta/omega", "derived"),
         ("semi_implicit_limit", "1000 * float", "1001 * float", "on record is 6.32"),
         ("verlet_limit", "abs(verlet - 2) < 1e-6", "abs(verlet - 3) < 1e-6", "is false"),
+        # A grid twice as fine: the fact itself says so, not only the figures on record.
+        (
+            "encoder_ripple",
+            "line = Encoder(bits).line\n\n    def ripple(tau, kd=kd, target=0.3, bits=bits)",
+            "line = Encoder(bits + 1).line\n\n"
+            "    def ripple(tau, kd=kd, target=0.3, bits=bits + 1)",
+            "fact 3 of 4 is false",
+        ),
     ],
 )
 def test_a_changed_claim_is_noticed(id, old, new, expected, tmp_path, monkeypatch):

@@ -10,7 +10,16 @@ from hypothesis import strategies as st
 
 from course.charts.sim_to_real import logs
 from course.charts.sim_to_real.logs import ALL, FREE, GUESS, NOISE, TRUTH, record
-from course.sim_to_real import Log, excitation, fit, late, plants, scan, validate, whiteness
+from course.sim_to_real import (
+    Log,
+    excitation,
+    fit,
+    measurement_lag,
+    plants,
+    scan,
+    validate,
+    whiteness,
+)
 from course.sim_to_real.identify import ALARM, arm
 from tests.budget import examples
 
@@ -197,10 +206,10 @@ def test_a_log_one_step_late_is_found_by_its_clock():
     assert (np.abs(wrong.value - TRUE) / bound).max() > 30.0
     assert wrong.noise < 1.8 * NOISE  # hardly to be seen in its size
     assert wrong.white < ALARM
-    by, deviation = late(wrong, Log(log.times, shifted, log.command))
+    by, deviation = measurement_lag(wrong, Log(log.times, shifted, log.command))
     assert abs(by - log.dt) < 4.0 * deviation < 0.2 * log.dt
     right = fit(arm, log, GUESS, FREE)
-    by, deviation = late(right, log)
+    by, deviation = measurement_lag(right, log)
     assert abs(by) < 4.0 * deviation < 0.1 * log.dt
 
 

@@ -14,9 +14,9 @@ from course.sim_to_real.transfer import (
     KINDS,
     PARTS,
     attribution,
-    hurting,
+    harmful_corrections,
     mended,
-    reached,
+    share_of_bound,
     subsets,
     transfer_bound,
 )
@@ -50,7 +50,7 @@ def test_the_average_is_that_of_all_orders_and_adds_up(seed):
         assert average == pytest.approx(np.mean(gains[name]), abs=1e-12)
         assert alone == value[frozenset(name)] - value[frozenset()]
         assert last == value[frozenset(names)] - value[frozenset(names) - {name}]
-    worse = hurting(value)
+    worse = harmful_corrections(value)
     assert all(value[some | {part}] - value[some] == change < 0.0 for some, part, change in worse)
     assert len(worse) == sum(v < 0.0 for row in gains.values() for v in set(row))
     assert worse == sorted(worse, key=lambda row: row[2])
@@ -134,7 +134,9 @@ def test_no_pair_of_chains_passes_the_bound_and_the_worst_reaches_its_share(gamm
     assert np.abs(value(P, r) - value(Q, r)).max() <= bound + 1e-9
     worst = np.array([[1.0 - eps, eps], [0.0, 1.0]])
     gap = (value(np.eye(2), np.array([2.0, 0.0])) - value(worst, np.array([2.0, 0.0])))[0]
-    assert gap == pytest.approx(reached(gamma, eps) * transfer_bound(gamma, eps, 2.0), abs=1e-9)
+    assert gap == pytest.approx(
+        share_of_bound(gamma, eps) * transfer_bound(gamma, eps, 2.0), abs=1e-9
+    )
 
 
 def test_a_success_rate_on_the_same_tasks_is_compared_in_pairs():

@@ -10,7 +10,7 @@ import numpy as np
 from course.charts import chart
 from course.measure.figure import Panel, Series
 from course.oracles.mujoco.lab import PALM, Lab, lift, trials
-from course.sim_to_real import Process, grid, learning_steps, reached, shaped, transfer_bound
+from course.sim_to_real import Process, grid, learning_steps, shaped, share_of_bound, transfer_bound
 from course.sim_to_real.shaping import evaluate_policy, value_iteration
 
 POLICY = replace(Lab(), force=1.2 * Lab().needed)
@@ -172,7 +172,7 @@ def bound_reached(epss: Sequence[float] = (0.1, 0.03, 0.01, 1e-3)) -> Iterator[P
                 epss,
                 y,
                 note=f"gamma {gamma:g}: {message}",
-                theory=partial(reached, gamma),
+                theory=partial(share_of_bound, gamma),
             )
         )
     yield panel

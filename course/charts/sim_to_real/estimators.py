@@ -131,12 +131,12 @@ def believed_error_bars(
         wrong = [worst([f.value for f in row]) for row in fits]
         claim = [max(float((100.0 * f.half_width() / TRUE).max()) for f in row) for row in fits]
         # Share of the logs in which the whiteness test of the residual raises the alarm.
-        received = [float(np.mean([f.white < ALARM for f in row])) for row in fits]
-        first = next((i for i, share in enumerate(received) if share > 0.5), len(x) - 1)
+        alarmed = [float(np.mean([f.white < ALARM for f in row])) for row in fits]
+        first = next((i for i, share in enumerate(alarmed) if share > 0.5), len(x) - 1)
         at = scale * np.array(x)
         message = ", ".join(
-            f"{v:g}: {w:.2g} % wrong, {c:.2g} % claimed, heard in {100 * h:.0f} %"
-            for v, w, c, h in zip(at, wrong, claim, received, strict=True)
+            f"{v:g}: {w:.2g} % wrong, {c:.2g} % claimed, alarm in {100 * h:.0f} %"
+            for v, w, c, h in zip(at, wrong, claim, alarmed, strict=True)
         )
         yield Panel(
             title,
@@ -188,7 +188,7 @@ def learned(log: Log) -> Array:
 def learned_model(
     lengths: Sequence[float] = (1, 3, 10, 30, 100), seeds: int = 2, tests: int = 8
 ) -> Iterator[Panel]:
-    """Chart motions of MuJoCo's twin foretold: learned from logs, or by our arm fitted to one."""
+    """Chart predicted motions of MuJoCo's twin: learned from logs, or by our arm fitted to one."""
     twin = Twin(threads=1)
     unseen = [twin.log(random_sines(1.0, 100 + k), [0.3 + k, 1.2], 100 + k) for k in range(tests)]
     part = slice(LAGS + 4, LAGS + 5 + AHEAD)
@@ -203,9 +203,9 @@ def learned_model(
         start = [*log.measured[:, 0], 0.0, 0.0]
         return plants.driven(columns, log.command.T, start, log.dt).q[:, 0]
 
-    def worth(foretold: Callable[[Array, Log], Array], models: Sequence[Array]) -> float:
+    def worth(predicted: Callable[[Array, Log], Array], models: Sequence[Array]) -> float:
         """Return root mean square error of the angles over 0.6 s [mrad]; infinite above 1 rad."""
-        deviation = [(foretold(m, log) - log.measured)[:, part] for m in models for log in unseen]
+        deviation = [(predicted(m, log) - log.measured)[:, part] for m in models for log in unseen]
         error = 1e3 * float(np.sqrt(np.mean(np.square(deviation))))
         return error if error < 1e3 else np.inf
 

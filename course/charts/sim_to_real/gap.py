@@ -247,7 +247,7 @@ def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
             zip(FINDINGS, y, np.transpose(wilson(count * y, count)), strict=True)
         )
     ]
-    worse = sim_to_real.hurting(value)
+    worse = sim_to_real.harmful_corrections(value)
     before, part, change = worse[0]
     panel.notes.append(
         f"{len(worse)} of 80 corrections hurt; worst: {part} after "

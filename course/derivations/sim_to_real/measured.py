@@ -267,7 +267,7 @@ def believed_error_bar(result):
 )
 def one_sample_late(result):
     from course.charts.sim_to_real.logs import FREE, GUESS, TRUTH
-    from course.sim_to_real import Log, fit, late
+    from course.sim_to_real import Log, fit, measurement_lag
     from course.sim_to_real.identify import arm
 
     truth = np.array(list(TRUTH.values()))
@@ -285,7 +285,7 @@ def one_sample_late(result):
             # In units of the error bars that the correct log gives.
             (error / np.sqrt(np.diag(right.covariance))).max(),
             wrong.noise / right.noise,
-            *(1e3 * value for value in late(wrong, stamped)),
+            *(1e3 * value for value in measurement_lag(wrong, stamped)),
         )
 
     step, wide = result.input("step_ms", 2.0), result.input("coarse_ms", 10.0)

@@ -287,7 +287,7 @@ def step_penalty(result):
     "The error is made anew in each step: for rewards from 0 to R that don't depend on the next "
     "state, the bound is {formula}. A chain that the simulator "
     "keeps where it is paid and the robot leaves with probability eps reaches {share:.1%} of it, "
-    "{factor:.0f} times what was heard. Of two deterministic simulators that differ eps is 1: "
+    "{factor:.0f} times the claimed bound. Of two deterministic simulators that differ eps is 1: "
     "there it says nothing, once gamma is above a half.",
     ask=(
         "Two worlds share rewards from 0 to R and the discount gamma; their distributions of the "
