@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import functools
 import hashlib
 import inspect
 import io
@@ -296,8 +297,14 @@ def _module(
 ) -> types.ModuleType:
     module = types.ModuleType(name)
     module.__dict__["__builtins__"] = _builtins_with(modules)
-    exec(compile(source, filename or f"<{name}>", "exec", dont_inherit=True), module.__dict__)
+    exec(_compiled(source, filename or f"<{name}>"), module.__dict__)
     return module
+
+
+@functools.lru_cache(maxsize=256)
+def _compiled(source: str, filename: str) -> types.CodeType:
+    """Return the code of a text; one that is asked again, as each slip is, is compiled once."""
+    return compile(source, filename, "exec", dont_inherit=True)
 
 
 def _builtins_with(modules: dict[str, types.ModuleType]) -> dict[str, Any]:

@@ -134,7 +134,8 @@ def test_a_wrong_answer_that_once_passed_fails_and_is_not_named_as_another(label
     name = exercise_of(entry)
     report = grade_here(name, edited(name, *edits), seed=4242)
     true = ("default_gravity", "rests_too_early", "end_excluded", "no_order_not_refused")
-    allowed = ("", "integral_not_stopped", *true)
+    # That one of two results is right everywhere is counted, so it is true of any mistake.
+    allowed = ("", "integral_not_stopped", "one_part_right", *true)
     assert not report.passed and report.slip in allowed, report.sentence
     assert report.reason not in (Reason.RAISED, Reason.WRONG_SIGNATURE), report.sentence
 

@@ -1,5 +1,6 @@
 """One test for all simulations: whatever is set, played or dragged, there is a sound picture."""
 
+import itertools
 import re
 import subprocess
 import sys
@@ -204,7 +205,7 @@ def test_models_need_no_widget_and_no_plot():
 @pytest.mark.prove
 @pytest.mark.parametrize("model", MODELS)
 def test_no_word_is_cut(model: Any) -> None:
-    """Words in the picture stay in it, and the name of a number stays in its column below."""
+    """Words in the picture stay in it; below, names stay in their columns and values apart."""
     for preset in model.presets.values():
         experiment = Experiment(model, **preset.values)
         experiment.advance(0.5)
@@ -215,5 +216,10 @@ def test_no_word_is_cut(model: Any) -> None:
             box = written.get_window_extent()
             inside = box.x0 > -1.0 and box.x1 < wide + 1.0 and box.y1 < high + 1.0
             assert inside or not written.get_text(), written.get_text()
-        for written in page.figure.texts:
-            assert written.get_window_extent().width < painter._CELL[0] - 4.0, written.get_text()
+        below = [(t.get_text(), t.get_window_extent()) for t in page.figure.texts if t.get_text()]
+        for words, box in below:
+            assert words not in experiment.picture().numbers or box.width < painter._CELL[0] - 4.0
+            assert box.x1 < wide - 4.0, words
+        # A value may be wider than its column, where nothing stands beside it.
+        for (words, box), (others, beside) in itertools.combinations(below, 2):
+            assert not box.padded(1.0).overlaps(beside), (words, others)

@@ -1,4 +1,8 @@
-"""Every exercise proved in the sandbox, as `drills verify` does it; this process agrees with it."""
+"""Every exercise proved with many seeds, every eighth in the sandbox, as `drills verify` does it.
+
+A proof in this process costs a tenth of one whose texts run in children. What it says holds for
+these as well, since every text of every exercise is graded in both ways and gets the same feedback.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +26,8 @@ EXERCISES = [
 ]
 
 
-@pytest.mark.parametrize("name", EXERCISES)
-def test_exercise_is_proved(name: str) -> None:
+@pytest.mark.parametrize("name", EXERCISES[::8])
+def test_exercise_is_proved_in_the_sandbox(name: str) -> None:
     findings = verify.findings_of(name)
     assert [f"{f.what}: {f.detail}" for f in findings if not f.passed] == []
     assert len(findings) >= 12
@@ -67,9 +71,10 @@ def test_a_tight_limit_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("name", EXERCISES)
-def test_every_slip_is_named_with_fifty_seeds(name: str) -> None:
-    result = verify.findings_of(name, Effort(1, 50, verify.in_this_process))
-    assert [f"{f.what}: {f.detail}" for f in result if not f.passed] == []
+def test_fifty_seeds_pass_and_every_slip_is_named_with_twenty(name: str) -> None:
+    findings = verify.findings_of(name, Effort(50, 20, verify.in_this_process))
+    assert [f"{f.what}: {f.detail}" for f in findings if not f.passed] == []
+    assert len(findings) >= 12
 
 
 @pytest.mark.parametrize("seed", [100, 112, 133, 719625752])

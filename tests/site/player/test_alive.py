@@ -46,9 +46,12 @@ const until = async (condition, what) => {
   }
 };
 
-// What somebody sees: a hash of the pixels (FNV-1a, by words), and the numbers below them.
+// What somebody sees: a hash of the pixels (FNV-1a, by words), and the numbers below them. A
+// picture that is computed in portions is waited for.
+const busy = () => panel.courseLive.remaining?.() > 0;
 const shown = async () => {
-  await frame();
+  do await frame();
+  while (busy());
   const context = canvas.getContext('2d');
   const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
   let hash = 2166136261;
@@ -145,6 +148,7 @@ HANDLES = """async ([columns, rows, right, up]) => {
   await choose(0);
   const live = panel.courseLive;
   if (!live.records || !declaration.functions.includes('drag')) return [];
+  live.complete(Infinity);
   const before = live.records();
   const words = record => new BigUint64Array(record.buffer);
   const picture = () => live.picture().slice();
@@ -154,7 +158,9 @@ HANDLES = """async ([columns, rows, right, up]) => {
     const [x, y] = [xmin + u * width, ymax - v * height];
     live.grab(x, y);
     live.drag(x, y);
+    live.complete(Infinity);
     live.drag(x + right * width, y + up * height);
+    live.complete(Infinity);
     const old = words(before[0]);
     const moved = [...words(live.records()[0]).entries()].filter(([n, word]) => word !== old[n]);
     const key = moved.map(([n]) => n).join();
