@@ -217,8 +217,9 @@ def test_a_wrong_question_is_refused_and_named(change, named) -> None:
     }
     with pytest.raises(ValueError, match=named):
         plan(**question)
-    with pytest.raises(ValueError, match="seconds"):
-        Budget(1, 0.0)
+    for seconds in (0.0, math.nan, "a", None):
+        with pytest.raises(ValueError, match=r"budget\.seconds must be a positive number \[s\]"):
+            Budget(1, seconds)  # pyrefly: ignore[bad-argument-type]
 
 
 # --- RRT* -----------------------------------------------------------------------------------------

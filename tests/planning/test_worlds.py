@@ -222,6 +222,9 @@ def test_what_a_function_raises_comes_out() -> None:
         (lambda: plane(WIDE, discs=[[0, 0, 0.0]]), "discs"),
         (lambda: plane(WIDE, boxes=[[0, 0, 0, 1]]), "boxes"),
         (lambda: plane(WIDE, polygons=[[[0, 0], [1, 1]]]), "polygons"),
+        # A bow tie, and corners on a line.
+        (lambda: plane(WIDE, polygons=[[[1, 1], [3, 3], [3, 1], [1, 3]]]), "sides meet at its"),
+        (lambda: plane(WIDE, polygons=[[[1, 1], [2, 2], [3, 3]]]), "polygon with an area"),
         (lambda: planar_arm([1.0, -1.0]), "lengths"),
         (lambda: planar_arm([]), "lengths"),
         (lambda: planar_arm([1.0], -0.1), "radius"),
