@@ -69,7 +69,7 @@ CHANGES = (
         "option/flag/constraint, contact",
         "enable",
         "disable",
-        "Saves time in chain and arm, where nothing touches. The motion stays the same.",
+        "Saves time in tumble, chain and arm, where nothing touches. The motion stays the same.",
         "MuJoCo 4.0 manual (2026), XML reference, option/flag",
         "joints",
     ),

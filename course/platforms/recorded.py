@@ -19,7 +19,7 @@ class Recorded:
     Attributes:
         paths: what is drawn, (S, T, 2, E, samples, 2); truth: (S, samples, 2).
         errors: at the end [m or rad], (S, T, 2, E); infinite where a state was not finite.
-        costs: of a step, as a multiple of MuJoCo's with fair settings, (S, 2, E).
+        costs: of the motion at 1 ms, as a multiple of MuJoCo's with fair settings, (S, 2, E).
         tolerance: [m or rad], (S,); duration: [s], (S,); steps: [s], (T,).
         radar: five axes from 0 to 1: lowest over the scenes, middle and highest, (E, 5, 3).
         heights: of the block in *brake* above its start [m], fair, at 1 ms, (E, samples).

@@ -332,7 +332,9 @@ READOUTS = {
     ),
     "tolerance": "Largest error that counts as correct in this scene.",
     "verdict": "Whether the error is within the tolerance.",
-    "cost of a step": "Computing time of one step, as a multiple of MuJoCo's.",
+    "cost of a step": (
+        "Computing time of the motion at 1 ms, as a multiple of MuJoCo's with fair settings."
+    ),
     "ends apart": "Largest distance between the final states of any two simulators.",
     "area of the five": (
         "Area of the selected simulator's radar polygon, as a fraction of the full pentagon. It "

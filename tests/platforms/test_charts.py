@@ -45,6 +45,28 @@ def test_the_table_is_complete_and_its_verdicts_follow_from_its_errors() -> None
 
 
 @pytest.mark.prove
+def test_a_cost_does_not_pay_for_the_caches_that_another_motion_has_emptied() -> None:
+    """Each sampler here takes longer in its first run after another one's."""
+    last: list[int] = []
+
+    def sampler(k: int, seconds: float):
+        def run(n: int) -> float:
+            cold = last[-1:] != [k]
+            last.append(k)
+            return n * seconds + (5e-4 if cold else 0.0)
+
+        return run
+
+    short = [sampler(k, seconds) for k, seconds in enumerate((1e-3, 3e-3, 2e-3))]
+    for unit, expected in ((0, [1.0, 3.0, 2.0]), (2, [0.5, 1.5, 1.0])):
+        quartiles = table.relative_costs(short, unit, 4)
+        np.testing.assert_allclose(quartiles, np.transpose([expected] * 3), rtol=1e-12)
+    # A motion of a second is run twice in all, and its cold start doesn't count for much.
+    last.clear()
+    slow = table.relative_costs([*short, sampler(3, 1.0)], 0, 6)
+    assert last.count(3) == 2 and slow[3][1] == pytest.approx(1000.0, rel=1e-3)
+
+
 def test_a_small_table_is_measured_as_the_stored_one() -> None:
     result = charts.build("platforms_table", scenes=("tumble",), rounds=5)[0].data["rows"]
     result += table.scene_rows("brake", 1e-3, rounds=2)

@@ -51,6 +51,28 @@ def test_every_engine_repeats_the_recorded_heights_of_the_braking_block(name):
     assert np.ptp(stored) > 1e-3 if name == "MuJoCo" else np.abs(stored).max() < 2e-5
 
 
+@pytest.mark.parametrize("scene", [sim.BRAKE, sim.GRASP])
+def test_costs_are_of_the_scene_and_not_of_what_comes_after_it(scene, monkeypatch):
+    """Long after its end, a part that creeps has left the grip, and steps are cheaper."""
+    one, prepare, times = record.shown()[scene], record.platforms.prepared, []
+
+    def watched(*arguments):
+        run = prepare(*arguments)
+        start, advance = run.state().time, run.advance
+
+        def spy(steps):
+            advance(steps)
+            times.append(run.state().time - start)
+
+        run.advance = spy
+        return run
+
+    monkeypatch.setattr(record.platforms, "prepared", watched)
+    cost = record.costs([engines()["MuJoCo"]], one)
+    assert cost.shape == (2, 1) and cost[1, 0] == 1.0
+    assert np.allclose(times, round(one.duration / 1e-3) * 1e-3)
+
+
 def test_the_presets_show_what_their_notes_say():
     names, fair, shipped = FOUND.engines, 1, 0
     errors, at = FOUND.errors, 1  # at 1 ms

@@ -270,6 +270,19 @@ def test_settings_that_an_engine_lacks_are_refused(name):
         engine(name).build(scenes.drop(), 0.0)
 
 
+@pytest.mark.parametrize("name", OTHERS)
+def test_only_a_number_of_steps_is_run(name):
+    """Drake itself ends the interpreter where time goes backwards."""
+    run = engine(name).build(scenes.tumble(), 1e-3)
+    run.run(3)
+    before = run.state()
+    for steps in (-1, 2.5):
+        with pytest.raises(ValueError, match=r"steps must be a non-negative integer"):
+            run.run(steps)
+    assert run.state().same(before) and run.state().time == before.time
+    run.close()
+
+
 @pytest.mark.prove
 @pytest.mark.parametrize("name", ["MuJoCo", *OTHERS])
 def test_what_an_install_costs_is_measured_in_a_fresh_process(name):

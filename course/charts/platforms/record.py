@@ -1,8 +1,9 @@
 """What the chapter's simulation shows: five scenes on every engine, recorded.
 
-`python -m course.charts.platforms.record` runs them and writes `course/platforms/recorded.npz`;
-`python -m course.charts.platforms.record heights` runs only the braking block again and replaces
-the heights in that file. Both need all engines.
+`python -m course.charts.platforms.record` runs them and writes `course/platforms/recorded.npz`.
+With `heights` behind it, it runs only the braking block again and replaces the heights in that
+file; with `costs` it times the motions again and replaces costs and the five numbers. All of them
+need all engines.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course import kinematics, platforms
-from course.measure.timing import batches, interleaved
+from course.charts.platforms.smooth import again
+from course.charts.platforms.table import relative_costs
 from course.oracles.engines import engines
 from course.oracles.readers import readings
 from course.platforms import AS_SHIPPED, FAIR, Engine, Run, Scene, Settings, State, measures, scenes
@@ -94,16 +96,25 @@ def heights(engine: Engine) -> Array:
 
 
 def costs(result: list[Engine], scene: Scene) -> Array:
-    """Time of a step at 1 ms with both settings, as a multiple of the fair MuJoCo's, (2, E)."""
+    """Return the cost of the motion at 1 ms, as a multiple of the fair MuJoCo's, (2, E).
+
+    It is measured as in `platforms_table`: each time from the start to the end of the scene. Beyond
+    its end the run may be another scene: a part that creeps leaves the grip, and an empty grip is
+    cheaper.
+    """
+    steps = max(1, round(scene.duration / 1e-3))
     pairs = [(engine, settings) for settings in SETTINGS for engine in result]
     runs = [platforms.prepared(engine, scene, 1e-3, settings) for engine, settings in pairs]
-    times = interleaved([batches(run.run) for run in runs], sample=2e-2, at_most=2000)
+    samplers = [again(run, steps) for run in runs]
+    for sampler in samplers:
+        sampler(1)  # the first motion warms the caches
+    unit = len(result) + [engine.name for engine in result].index("MuJoCo")
+    ratio = np.array(relative_costs(samplers, unit))[:, 1].reshape(2, len(result))
     for run in runs:
         run.close()
-    ratio = np.array([timing.median for timing in times]).reshape(2, len(result))
     same = [not engine.changes for engine in result]  # both settings are one
     ratio[:, same] = ratio[:, same].mean(axis=0)
-    return ratio / ratio[1, [engine.name for engine in result].index("MuJoCo")]
+    return ratio
 
 
 # --- five numbers of each simulator, fair settings, from 0 to 1 ----------------------------------
@@ -194,13 +205,26 @@ def main() -> None:
     )
 
 
-def record_heights() -> None:
-    """Replace the heights of the braking block in the record and keep the rest of it."""
+def record_again(part: str) -> None:
+    """Replace one part of the record and keep the rest of it.
+
+    Args:
+        part: `heights` of the braking block, or `costs`, with the five numbers that use them.
+    """
     with np.load(PATH) as before:
         arrays = {name: before[name] for name in before.files}
-    arrays["heights"] = np.array([heights(engine) for engine in engines().values()])
+    result = list(engines().values())
+    if part == "heights":
+        arrays["heights"] = np.array([heights(engine) for engine in result])
+    else:
+        arrays["costs"] = np.array([costs(result, scene) for scene in shown()])
+        arrays["radar"] = radar(result, arrays["errors"], arrays["costs"], arrays["tolerance"])
     np.savez_compressed(PATH, **arrays)
 
 
 if __name__ == "__main__":
-    record_heights() if "heights" in sys.argv[1:] else main()
+    requested = [part for part in ("heights", "costs") if part in sys.argv[1:]]
+    for part in requested:
+        record_again(part)
+    if not requested:
+        main()

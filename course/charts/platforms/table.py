@@ -125,6 +125,36 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
 ROUNDS, SHORT = 15, 0.3  # pairs with MuJoCo, fair; seconds above which a motion is run twice only
 
 
+def relative_costs(
+    samplers: Sequence[Sampler], unit: int, rounds: int = ROUNDS
+) -> list[list[float]]:
+    """Return lower quartile, median and upper quartile of each motion's cost over one of them.
+
+    Args:
+        samplers: of whole motions, each from its start (`again`), warmed up.
+        unit: whose cost is 1; it is timed again in every round.
+        rounds: pairs of times; motions longer than `SHORT` have two.
+    """
+    ratios: list[list[float]] = [[] for _ in samplers]
+
+    def seconds(k: int) -> float:
+        # Whoever ran before has emptied the caches, and a motion of a few milliseconds would take a
+        # tenth longer. So a short motion is run once more, and only the second run counts.
+        first = samplers[k](1)
+        return samplers[k](1) if first < SHORT else first
+
+    for turn in range(max(2, rounds)):
+        # Ratios within a round cancel slow changes of the machine.
+        own = seconds(unit)
+        for k, some in enumerate(ratios):
+            if k == unit:
+                some.append(1.0)
+            # Slow motions are run twice only.
+            elif turn < 2 or some[0] * own < SHORT:
+                some.append(seconds(k) / own)
+    return [[float(x) for x in np.quantile(some, [0.25, 0.5, 0.75])] for some in ratios]
+
+
 def scene_rows(name: str, dt: float, rounds: int = ROUNDS) -> list[list[Any]]:
     """Return the rows of a scene: every engine that is installed, fair and as shipped.
 
@@ -145,21 +175,11 @@ def scene_rows(name: str, dt: float, rounds: int = ROUNDS) -> list[list[Any]]:
             known = [name, engine.name, settings.name, dt, error, scene.unit, scene.tolerance]
             rows.append([*known, 0.0, within])
     unit = next(k for k, row in enumerate(rows) if row[1:3] == ["MuJoCo", "fair"])
-    ratios: list[list[float]] = [[] for _ in rows]
-    for turn in range(max(2, rounds)):
-        # MuJoCo, fair, is timed again in every round: ratios within a round cancel slow changes.
-        own = samplers[unit](1)
-        for k, (sampler, some) in enumerate(zip(samplers, ratios, strict=True)):
-            if k == unit:
-                some.append(1.0)
-            # Slow motions are run twice only.
-            elif turn < 2 or some[0] * own < SHORT:
-                some.append(sampler(1) / own)
+    for row, (low, middle, high) in zip(rows, relative_costs(samplers, unit, rounds), strict=True):
+        row[7] = middle
+        row += [low, high]
     for run in runs:
         run.close()
-    for row, some in zip(rows, ratios, strict=True):
-        low, row[7], high = (float(x) for x in np.quantile(some, [0.25, 0.5, 0.75]))
-        row += [low, high]
     return rows
 
 
