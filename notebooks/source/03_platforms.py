@@ -677,7 +677,7 @@ more_claims("drake_guarantees", "opened")
 # Most facts come from two charts. The first has ten scenes on four engines at 1 ms. A point shows the error divided by
 # the tolerance of its scene, so below 1 is good enough. (Values below 1e-8 are drawn at 1e-8.) The lower panel shows
 # the computing time divided by MuJoCo's. It includes the calls from Python: one for the whole motion, but in PyBullet
-# one per step (section 6). In chain and arm, MuJoCo's contacts are switched off, which makes it about a tenth cheaper.
+# one per step (section 6). In tumble, chain and arm, fair settings switch MuJoCo's contacts off, which saves a little.
 #
 # ![Error divided by tolerance of ten scenes, fair and as shipped, and their cost](../docs/charts/platforms_table.png)
 
@@ -1155,8 +1155,9 @@ for preset, (scene, card_, fair) in {
 
 # %% [markdown]
 # Readouts: *ends apart* is the largest distance between the final positions of any two engines; *area of the five* is
-# the area of the radar polygon as a share of the full pentagon. *Cost of a step* is relative to MuJoCo's fair step.
-# It was timed over many steps, and partly in other scenes, so it differs from section 3's cost.
+# the area of the radar polygon as a share of the full pentagon. *Cost of a step* is measured as in section 3, over the
+# whole motion at 1 ms. Its values differ a little, because brake, tower and grasp are other scenes here, and because
+# other programs kept the processor busy during this measurement.
 #
 # ## 6 · Speed against accuracy
 #
