@@ -167,6 +167,11 @@ def test_components_in_another_order_are_named() -> None:
     assert "for `q` with its components in the order 3, 0, 1, 2" in report.diagnosis
 
 
+def test_a_value_that_is_all_but_right_is_not_called_reordered() -> None:
+    """The right result in its own order is as close to these values as any explanation can be."""
+    assert wrapped("fk3", "*args", "_right(*args) + 1e-9").slip not in COMPUTED
+
+
 def test_a_changed_text_is_stopped() -> None:
     place = InProcess("def f(n):\n    while True:\n        n += 1\n")
     with pytest.raises(Exception) as caught:
