@@ -239,9 +239,9 @@ show("polling_makes_fresh")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Information ages while it is worked on *and while it waits*. A reader with a clock of its own finds
-# a result that has waited, on average, for half of the *producer's* interval. The command in force ages as well, until
-# the next one replaces it.
+# **Key insight.** Information ages while it is worked on *and while it waits*. If results come regularly, a reader with
+# a clock of its own finds one that has waited, on average, for half of the *producer's* interval. The command in force
+# ages as well, until the next one replaces it.
 #
 # </div>
 #

@@ -1444,7 +1444,8 @@ figures(
 # * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4.
 # * *Stiff springs whose vibration you don't need*: an implicit method that damps, such as implicit Euler (forces at the
 #   *end* of the step) or MuJoCo's `discrete`.
-# * *Very long runs in which averages matter and not the exact path*: a symplectic method with a fixed step.
+# * *Very long smooth runs in which averages matter and not the exact path*: a symplectic method with a small fixed
+#   step.
 #
 # ## 7 · Debug: where it fails
 #

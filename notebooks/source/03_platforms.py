@@ -756,9 +756,9 @@ rows = [
 table(("Job", "Needs", "Pick", "Why"), rows)
 
 # %% [markdown]
-# Three jobs have an answer, each time MuJoCo. We tuned its contacts most, and PyBullet's solver not at all (section
-# 1). With this solver, PyBullet misses the *grasp*, so it is out of two jobs. But MuJoCo is also the cheapest wherever
-# bodies touch.
+# Three jobs have the answer MuJoCo. We tuned its contacts most, and PyBullet's solver not at all (section 1). With this
+# solver, PyBullet misses the *grasp*, so it's out of two jobs. But with fair settings MuJoCo is also the cheapest
+# wherever bodies touch.
 #
 # For *Manipulation research*, a tighter limit on the largest error of *brake* would rule out MuJoCo: its block hops.
 # Then the cheapest that passes is Drake. But change the settings before the engine: with its default `solref`,

@@ -1597,8 +1597,8 @@ print_figures("null_space_step", "exact", "damped")
 # **Debugging tip.** *IK does not converge.* Test the code first: take a target that must work, forward kinematics of a
 # known posture, and start close by. Count the steps (a wrong $J$ needs many), and compare $J$ with central differences
 # in any case. If the code is right: Is the target reachable, within the reach *and the joint limits*? Does the solver
-# succeed from twenty other starts? Is a joint at its limit where it stops? (If none is, $s_{\min}$ is zero there,
-# whether or not the target is reachable.)
+# succeed from twenty other starts? Is a joint at its limit where it stops? (If none is, constantly damped steps end
+# only where $s_{\min}$ is zero, whether or not the target is reachable.)
 #
 # <details><summary>What people get wrong there</summary>
 #

@@ -103,6 +103,7 @@ def mujoco_rk4_contact_order(result):
     "stiffer one changes nothing: a ball sinks in by {depth_asked_1_ms_um:.1f} um whether a half "
     "or two steps are asked for. With the flag off, a time constant below a step explodes; and "
     "stiffness and damping given directly, as a negative solref, are taken as they are. "
+    "Even with the flag on, a ball with a damping ratio of {low_ratio:.1f} does not come to rest. "
     "For a single contact the discrete integrator is stable with either. With several it need not "
     "be: a tower of three stiff boxes with hardly a damper, at {tower_ms:.0f} ms, goes from "
     "{start_j:.1f} J up to {most_j:.1f} J under it.",
@@ -174,18 +175,24 @@ def mujoco_contact_stiffness_limit(result):
     towers = [energies(3, "-1e6 -2", ms) for ms in (15.0, 30.0, 50.0)]
     jumps = [after > 1.02 * before for before, after in towers]
     constants = dt * result.rng.uniform(0.3, 0.9, 5)
+    low_ratio = result.input("low_ratio", 0.3)
+    ratios = result.rng.uniform(0.15, low_ratio, 5)
     result.statement_holds(
         needs("0.001 1"),
-        only_if="the refsafe flag is off, or stiffness and damping are given as numbers, and the "
-        "integrator is not discrete or several points touch",
+        only_if="the refsafe flag is off, stiffness and damping are given as numbers, or the "
+        "damping ratio is low (for one ball, below about a third), and the integrator is not "
+        "discrete or several points touch",
         inside=[needs(f"{t} 1", "disable") for t in constants]
         + [needs(direct(t)) for t in constants]
+        + [needs(f"{t} {ratio}") for t, ratio in zip(constants, ratios, strict=True)]
         + jumps,
-        outside=[needs(f"{t} 1") for t in constants]
+        outside=[needs(f"{t} {ratio}") for t in constants for ratio in (0.4, 1)]
+        + [needs(f"{t} {low_ratio}", integrator="discrete") for t in constants]
         + [needs(direct(t), integrator="discrete") for t in constants],
     )
     result.correction_holds(
         abs(requested / clamped - 1) < 1e-6,
+        all(needs(f"{t} {low_ratio}") for t in constants),
         not any(needs(f"{t} 1", "disable", "discrete") for t in constants),
         not any(needs(direct(t), integrator="discrete") for t in constants),
         highest > 1.1 * start,
