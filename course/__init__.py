@@ -112,7 +112,7 @@ CHAPTERS = (
         7,
         "perception",
         "Perception",
-        "From a depth picture to the place and orientation of an object: how, and how well?",
+        "From a depth image to the position and orientation of an object: how, and how well?",
         "A point cloud of a table, step by step",
         ready=True,
     ),
