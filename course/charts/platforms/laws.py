@@ -201,7 +201,7 @@ def platform_creep(
             title, "impratio", "creep [m/s]", scale="log", theory="R f / b", footer=FOOTER()
         )
         for cone, style in (("elliptic", ""), ("pyramidal", "--")):
-            soft = AS_SHIPPED.using(**SOFT, cone=cone)
+            soft = AS_SHIPPED.using(**SOFT | {"cone": cone})
             y = [creep(MuJoCo(), scene, dt, soft.using(impratio=r)) for r in ratios]
             message = ", ".join(f"{r:g}: {1e6 * v:.4g}" for r, v in zip(ratios, y, strict=True))
             line = Series(
