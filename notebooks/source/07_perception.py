@@ -931,8 +931,8 @@ predict("which_number_tells")
 #
 # The **see-through** test uses this. Draw the model at its estimated pose into the image. Count the pixels in which the
 # part should be and the camera measured something clearly *behind* it. Divide by the number of all pixels of the model
-# that have a measurement. For a right pose this share is a few per cent at most. `locate` refutes a pose if this share
-# is more than a tenth.
+# that have a measurement. If depths and calibration are right, this share is a few per cent at most for a right pose.
+# `locate` refutes a pose if it is more than a tenth.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.3), layout="constrained")

@@ -1147,15 +1147,15 @@ names += ("teacher", "best gains in hindsight")
 curves("varying_arms", 1, "median error [mrad] at a load [kg] of", {name: name for name in names})
 
 # %% [markdown]
-# Without load, still inside the range of the training, only the teacher works well. The others, except the gains in
+# Without load, still inside the training's range, only the teacher works well. The others, except the gains in
 # hindsight, start with too strong a feedback for so light an arm, and it oscillates. On most of these arms the adaptive
 # law doesn't recover. It corrects the inertia by the product of the tracking error and the commanded acceleration. Both
 # contain the error's rate, so in an oscillation this product is positive on average: the estimated inertia goes *up*,
 # and the feedback with it.
 #
 # A heavy arm gets too weak a feedback instead. With the adaptive law it stays stable until the estimate is corrected,
-# even far beyond the training. The randomised gains fail right beyond the training, the one tuned gain set and the
-# student a little later.
+# even far beyond the training. The randomised gains fail right beyond the training, the one tuned gain set soon
+# after, the student at twice the largest load.
 #
 # <details><summary>The four panels, and the original RMA</summary>
 #
@@ -1811,7 +1811,7 @@ plt.show()
 # and that a contact only pushes. What differs has to be measured on the new robot: masses, friction, delay. The
 # *student* of section 3 does both on a small scale. It was trained on many simulated arms and estimates from the last
 # 0.4 s which arm it moves. Inside the range of its training it serves most arms well, though not those without a load.
-# A little beyond the range it fails.
+# At twice the largest load of its training it fails.
 #
 # </details>
 #

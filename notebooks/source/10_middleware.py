@@ -551,7 +551,7 @@ answer("relative_sleep", "1/(T + C)")
 #
 # A task's **response time** is the time from its release to the end of its work. It is longest at a
 # **critical instant**, when all tasks are released at the same moment. This is true if the tasks are **independent**
-# (none waits for another task or for anything else) and all of them meet their deadlines. The picture shows a critical
+# (none waits for anything or is released late) and all of them meet their deadlines. The picture shows a critical
 # instant of a controller (period 1 ms), a filter (10 ms) and a planner (100 ms).
 #
 # <details><summary>Why the same moment?</summary>
@@ -602,7 +602,7 @@ plt.show()
 # Tasks are numbered by priority, the most urgent first. In words: the task's own work, plus the blocking $B_i$, plus
 # all runs of the more urgent tasks $j$ that are released within $R_i$. The **blocking** is the longest time for which
 # less urgent tasks can hold this one up, for instance with a lock (next section). So the formula also covers tasks that
-# wait for others. The brackets $\lceil\;\rceil$ round up.
+# wait for locks. The brackets $\lceil\;\rceil$ round up.
 #
 # $R_i$ stands on both sides, so we start with $R_i = C_i$, insert it on the right, and repeat until nothing changes. If
 # the result is at most $T_i$, no run of the task takes longer. If it exceeds $T_i$, the task can miss its deadline,

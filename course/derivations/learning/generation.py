@@ -198,8 +198,9 @@ def diffusion_between(result):
     "the samples of two narrow modes end between them. A few more separate the modes but get "
     "their width wrong: with ten steps a mode of width {exact:.3f} comes out {ten:.3f} wide.",
     ask=(
-        "A sample starts as noise z at time 0. The data have mean m, and the velocity field of "
-        "flow matching is exact. Where does one Euler step of size h end?",
+        "A sample starts as noise z at time 0. Noise and data are paired at random, the data have "
+        "mean m, and the velocity field of flow matching is exact. Where does one Euler step of "
+        "size h end?",
         "(1 - h)*z + h*m",
         {
             "z + h*m": "The velocity is the mean of data minus noise, so z is subtracted too.",

@@ -290,9 +290,9 @@ def step_penalty(result):
     "{factor:.0f} times the claimed bound. Of two deterministic simulators that differ eps is 1: "
     "there it says nothing, once gamma is above a half.",
     ask=(
-        "Two worlds share rewards from 0 to R and the discount gamma; their distributions of the "
-        "next state differ by at most eps in total variation. By how much can the value of a "
-        "policy differ at most?",
+        "Two worlds share the discount gamma and rewards from 0 to R that don't depend on the next "
+        "state; their distributions of the next state differ by at most eps in total variation. "
+        "By how much can the value of a policy differ at most?",
         "gamma*eps*R/(1 - gamma)^2",
         {
             "eps*R/(1 - gamma)": "That is one wrong step; each step is wrong.",
