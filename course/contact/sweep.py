@@ -23,7 +23,8 @@ class Impact:
 
     Attributes:
         time: 0 where they touch at the start, infinite where they don't touch in time [s].
-        normal: from a to b at that time, NaN where there is no impact, shape (dim,) or (dim, N).
+        normal: from a to b at that time, shape (dim,) or (dim, N). NaN where there is no impact or
+            the search was cut short.
         point: midway between the nearest points at that time [m], likewise.
         advances: distances that were computed.
         converged: False where the search was cut short: `time` is then safe, but early.
@@ -93,13 +94,14 @@ def time_of_impact(
     duration: float,
     tolerance: float = 1e-9,
 ) -> Impact:
-    """Return conservative advancement.
+    """Return when two moving shapes first touch, computed with conservative advancement.
 
-    Move on by what the distance certainly allows, again and again.
+    It repeatedly advances time by the current distance divided by an upper bound on the approach
+    speed. Within that time the shapes cannot meet, so it never passes a wall, however thin
+    (Mirtich, Impulse-based dynamic simulation of rigid body systems, 1996, sec. 2.3).
 
-    No point of the shapes comes nearer along the normal than its velocity and its turning allow, so
-    distance / that bound is a time without contact (Mirtich, Impulse-based dynamic simulation of
-    rigid body systems, 1996, sec. 2.3). It never passes a wall, however thin.
+    Beside a face that turns, the bound can be far above the true approach speed. From a gap of
+    1e-7 m the search may then be cut short.
 
     Args:
         a: first shape; may be a plane that does not turn, unless b is one.

@@ -197,19 +197,18 @@ table(
 # uses a plan that came, on average, half a planner period ago, 50 ms. And the command in force came half a loop period
 # ago.
 #
-# **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
-# $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves
-# by $0.3 \cdot 172.4 \approx 52$ mm. A robot that aims at the pose as it came reaches, on average, 52 mm behind the
-# part.
+# **A worked example.** Suppose that the clocks of the camera, the planner and the joint loop run independently. The
+# execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top: $16.7 + 50 + 0.5 = 67.2$ ms.
+# Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves by $0.3 \cdot 172.4 \approx
+# 52$ mm. A robot that aims at the pose as it came reaches, on average, 52 mm behind the part.
 #
 # At worst, whole periods come on top instead of halves: $105.2 + 33.3 + 100 + 1 = 239.5$ ms. This is the *bound* in
 # the table. No age exceeds it if every stage starts on time and never needs longer than its $C$, no result is lost,
 # and every reader takes the newest result.
 #
-# The **phase** of two clocks is the time from a tick of one to the next tick of the other. We suppose that the clocks
-# of the camera, the planner and the joint loop run independently. Independent clocks **drift**: no clock keeps its
-# rate exactly, so the phase changes slowly, and over some hours it takes all values. The 172.4 ms are the mean over
-# all phases.
+# The **phase** of two clocks is the time from a tick of one to the next tick of the other. Independent clocks
+# **drift**: no clock keeps its rate exactly, so the phase changes slowly, and over some hours it takes all values. The
+# 172.4 ms are the mean over all phases.
 #
 # Programs on one computer usually share its clock. Then the mean can depend on their phase (section 6).
 #

@@ -191,6 +191,27 @@ def test_no_wall_is_thin_enough_and_no_step_long_enough(speed, phase):
     assert result.advances <= 4
 
 
+@pytest.mark.parametrize(("gap", "ends"), [(1e-3, True), (1e-7, False)])
+def test_a_search_beside_a_turning_face_ends_or_reports_that_it_was_cut_short(gap, ends):
+    """The face of a cube turns into a ball, whose centre moves on a circle in the cube's frame.
+
+    It touches where the centre's distance from the face, c cos(angle) - 1/2, is the radius.
+    """
+    radius = 0.3
+    centre = 0.5 + radius + gap
+    cube, spin = contact.box([0.5] * 3), (0, 0, 0, 0, 0, 1.0)
+    ball = contact.sphere(radius)
+    result = contact.time_of_impact(cube, at(), spin, ball, at(centre), np.zeros(6), 1.0)
+    truth = math.acos((0.5 + radius) / centre)
+    assert result.converged == ends
+    if ends:
+        assert result.time == pytest.approx(truth, abs=1e-6)
+        return
+    # Cut short, it has not passed the impact, and it names no normal.
+    assert 0.0 < result.time < truth
+    assert np.isnan(result.normal).all() and np.isnan(result.point).all()
+
+
 def test_balls_in_any_dimension_and_hard_cases():
     toi = contact.spheres_time_of_impact
     assert toi([3.0], [-1.0], 1.0) == 2.0

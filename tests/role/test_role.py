@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course import role
+from course.cards import predict
 from course.role import CHAIN, STACK, Edge, Stage, age, check_stack, cost, simulate, spend
 from tests.budget import examples
 
@@ -376,3 +377,12 @@ def test_the_graph_is_whole_and_its_loops_run_through_the_robot():
 def test_bad_input_is_named(bad, words):
     with pytest.raises(ValueError, match=words):
         bad()
+
+
+def test_the_opening_card_offers_the_ages_of_the_chain():
+    """The numbers on its options follow the chain: all work, and all work plus half the periods."""
+    work = sum(stage.execution for stage in CHAIN)
+    waits = sum(stage.period or 0.0 for stage in CHAIN) / 2
+    text = repr(predict("how_old_is_a_command"))
+    assert f"{1000 * work:.0f} ms, because perception and planning take that long" in text
+    assert f"{1000 * (work + waits):.0f} ms, because results also wait" in text
