@@ -1155,9 +1155,8 @@ for preset, (scene, card_, fair) in {
 
 # %% [markdown]
 # Readouts: *ends apart* is the largest distance between the final positions of any two engines; *area of the five* is
-# the area of the radar polygon as a share of the full pentagon. *Cost of a step* is measured as in section 3, over the
-# whole motion at 1 ms. Its values differ a little, because brake, tower and grasp are other scenes here, and because
-# other programs kept the processor busy during this measurement.
+# the area of the radar polygon as a share of the full pentagon. *Cost of a step* is measured as in section 3, at 1 ms.
+# Its values differ a little: brake, tower and grasp are other scenes, and other programs kept the processor busy.
 #
 # ## 6 · Speed against accuracy
 #
