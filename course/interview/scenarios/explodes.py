@@ -15,7 +15,8 @@ Run = Callable[[str, int], float]
 Rows = NDArray[np.void]
 
 LIMIT = 2e-3  # as far as the slide may be off the middle [m]
-WINDOW = 3000  # steps that are looked at; who is not lost in them counts as never lost
+WINDOW = 3000  # steps that are simulated; a slide that is not lost in them counts as never lost
+SURVIVES = 3.0  # the time ratio at which a probe stops its run
 
 
 @dataclass(frozen=True)
@@ -131,9 +132,9 @@ REPAIRS = {
 }
 
 
-def lost(one: Machine, dt: float) -> float:
-    """Count the steps of `dt` until the slide is lost, at most `WINDOW`; never fewer are run."""
-    steps = round(WINDOW * dt / one.dt)
+def lost(one: Machine, dt: float, window: float = WINDOW) -> float:
+    """Count the steps of `dt` until the slide is lost, at most `window`; never fewer are run."""
+    steps = round(window * dt / one.dt)
     away = ~(np.abs(simulate(one, steps)["x"]) < LIMIT)
     return float(np.argmax(away) if away.any() else steps) * one.dt / dt
 
@@ -157,8 +158,8 @@ def later(change: Callable[[Machine], Machine]) -> Run:
     """Return the probe that changes the machine: when the slide is lost, by when it was."""
 
     def run(cause: str, seed: int) -> float:
-        one = machine(cause, seed)
-        return lost(change(one), one.dt) / symptom(cause, seed, None)
+        one, before = machine(cause, seed), symptom(cause, seed, None)
+        return lost(change(one), one.dt, SURVIVES * before) / before
 
     return run
 
@@ -209,8 +210,8 @@ SCENARIO = Scenario(
     "with the speed, should damp its motion. Instead the motion grows, and after about a "
     "thousand steps the slide is lost: it has left its range. Some probes change one thing "
     "and return the time ratio: the simulated time until the slide is lost, divided by this "
-    "time without the change. Each of these probes stops its run after about three times the "
-    "time of the unchanged run. So if the slide survives, the time ratio is about three. You "
+    "time without the change. Each of these probes stops its run after three times the "
+    "time of the unchanged run. So if the slide survives, the time ratio is three. You "
     "can read the program, but not the parameters that this simulation uses; you can only run "
     "the probes below. What is the cause, and what do you change?",
     symptom_words="steps until the slide is lost or the run ends,",

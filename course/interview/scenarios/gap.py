@@ -371,7 +371,7 @@ SCENARIO = Scenario(
             "",
             10,
             triple,
-            1.5,
+            2.0,
         ),
     ),
     repairs=(

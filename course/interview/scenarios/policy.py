@@ -394,7 +394,7 @@ SCENARIO = Scenario(
             "kg m^2",
             12,
             two_torques,
-            1e-2,
+            2e-2,
         ),
         Probe(
             "no_touch",
