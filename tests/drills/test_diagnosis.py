@@ -77,6 +77,7 @@ DRAWN = {
     "fk3": "clockwise",
     "bounce": "rest_time_halved",
     "rrt": "vertices_only",
+    "rrt_connect": "both_greedy",
     "tumble": "bug_still_there",
     "orientation": "scalar_last",
     "pid": "integral_not_stopped",
