@@ -973,7 +973,8 @@ show("looked_through_is_wrong")
 # The opposite question helps: does the pose explain all that was measured? Take all pixels of the drawn model and of
 # the cluster. A pixel **agrees** if both have the same depth there, up to the noise. The other pixels are **left
 # over**. `locate` does not report *found* when too many are left over, or when the border is off the model's outline.
-# This has a limit as well: a **near twin**, which differs from the model by one or two pixels, is taken for it.
+# This has a limit as well: a **near twin**, which differs from the model by one or two pixels, is taken for it. And
+# unless you leave the tilt free (`standing=False`), a part that leans a little is taken for one that stands flat.
 
 # %%
 show("not_looked_through_is_right")

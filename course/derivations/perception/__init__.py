@@ -5,14 +5,21 @@ from typing import Any
 import numpy as np
 
 
-def image_of(part: Any, x: float, yaw: float, rng: np.random.Generator) -> tuple[Any, Any]:
-    """Return the charts' picture of a part on their table, (H, W) [m], and the part's pose (7,)."""
+def image_of(
+    part: Any, x: float, yaw: float, rng: np.random.Generator, tilt: float = 0.0
+) -> tuple[Any, Any]:
+    """Return the charts' picture of a part on their table, (H, W) [m], and the part's pose (7,).
+
+    A box with a tilt [rad] about its x axis rests on its lower edge.
+    """
     from course.charts.perception.poses import EYE, SENSOR, TABLE
     from course.kinematics.chain import compose
     from course.perception import render, sense, shape, together
-    from course.rigid_body.quaternion import exp
+    from course.rigid_body.quaternion import exp, product
 
-    at = np.array([x, 0.0, part.sizes[2, 0], *exp(np.array([0.0, 0.0, yaw]))])
+    turn = product(exp(np.array([0.0, 0.0, yaw])), exp(np.array([tilt, 0.0, 0.0])))
+    height = part.sizes[2, 0] * np.cos(tilt) + part.sizes[1, 0] * abs(np.sin(tilt))
+    at = np.array([x, 0.0, height, *turn])
     pose = compose(TABLE[:, None], at[:, None])[:, 0]
     scene = together([shape("plane").moved(TABLE), part.moved(pose)])
     return sense(render(scene, EYE)[0], EYE, SENSOR, rng), pose
