@@ -926,13 +926,13 @@ more_claims("outline_tells", "spread_of_symmetric_poses")
 predict("which_number_tells")
 
 # %% [markdown]
-# A small residual says that the measured points lie on the model. It says nothing about the parts of the model where
-# no points were measured. But where the camera sees the *table*, there cannot be an opaque part in between.
+# A small residual says that the measured points lie on the model. It says nothing about parts of the model where
+# nothing was measured. But where the camera sees the *table*, there cannot be an opaque part in between.
 #
 # The **see-through** test uses this. Draw the model at its estimated pose into the image. Count the pixels in which the
 # part should be and the camera measured something clearly *behind* it. Divide by the number of all pixels of the model
 # that have a measurement. If depths and calibration are right, this share is a few per cent at most for a right pose.
-# `locate` refutes a pose if it is more than a tenth.
+# `locate` refutes a pose above a tenth.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.3), layout="constrained")
@@ -966,15 +966,14 @@ plt.show()
 show("looked_through_is_wrong")
 
 # %% [markdown]
-# The right panel of the sketch shows the test's limit. Two equal parts that touch are **twins**. Every pixel of a model
-# between them is covered by *something*, so see-through can't object. Nor can it if the part on the table is larger
-# than the model.
+# The right panel shows the test's limit. Two equal parts that touch are **twins**. Every pixel of a model between them
+# is covered by *something*, so see-through can't object. Nor can it if the part on the table is larger than the model.
 #
 # The opposite question helps: does the pose explain all that was measured? Take all pixels of the drawn model and of
 # the cluster. A pixel **agrees** if both have the same depth there, up to the noise. The other pixels are **left
 # over**. `locate` does not report *found* when too many are left over, or when the border is off the model's outline.
-# This has a limit as well: a **near twin**, which differs from the model by one or two pixels, is taken for it. And
-# unless you leave the tilt free (`standing=False`), a part that leans a little is taken for one that stands flat.
+# A **near twin**, which differs from the model by one or two pixels, is still taken for it. A part that leans a little
+# passes as standing unless you free its tilt (`standing=False`).
 
 # %%
 show("not_looked_through_is_right")
@@ -1000,7 +999,7 @@ print_figures(
 # ![Residual and see-through of right and wrong poses](../docs/charts/silently_wrong.png)
 #
 # *Residual (left) and see-through share (right) of fitted poses, against the true error of their position. The table
-# below says what the four cases are. For the quarter turn, the error includes the path of the box's end, 80 mm times
+# below names the four cases. For the quarter turn, the error includes the path of the box's end, 80 mm times
 # the angle. Dotted: poses above it are refuted.*
 
 
