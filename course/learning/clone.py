@@ -274,7 +274,7 @@ def dagger(
         # The expert drives the first round, the learner all others.
         noise = 0.0 if turn else injected
         ran = roll(task, driver, starts(number, rng), steps, rng, injected=noise)
-        # Every state that was visited is labelled by the expert, whoever drove.
+        # The expert labels every visited state, also those that the learner reached.
         met = ran.states[:, :-1].reshape(number * steps, -1)
         message = vector(f"label of round {turn}", expert(met, rng), (len(met), None))
         report = message + label_noise * rng.standard_normal(message.shape)

@@ -196,7 +196,7 @@ class ActorCritic:
     """
 
     def __init__(self, inputs: int, actions: int, seed: int, settings: Settings, n: int) -> None:
-        """Create networks for so many inputs and actions; `n` environments."""
+        """Create networks for a number of inputs and actions, and for `n` environments."""
         torch, hidden = pytorch(), settings.hidden
         # Small weights in the last layer: the first policy acts near 0 and explores by its spread.
         self.actor = network((inputs, *hidden, actions), seed, last=0.01)
@@ -529,7 +529,7 @@ def improve(
 def ppo(
     envs: Any, settings: Settings | None = None, *, steps: int, seed: int = 0
 ) -> Iterator[Iteration]:
-    """Learn, and yield after each iteration, so that whoever looks on can stop.
+    """Learn, and yield after each iteration, so that the caller can stop.
 
     Args:
         envs: a `gymnasium.vector.VectorEnv` with numbers for observations and actions, whose

@@ -54,7 +54,7 @@ from course.site import compiler
 SIMULATIONS = Path(__file__).parents[1] / "simulations"
 
 # A constant that is computed while a module is imported differs in its last digits from CPU to CPU.
-# So many digits of it belong to the fingerprint.
+# The number of its digits that belong to the fingerprint.
 DIGITS = 12
 
 # A simulation whose module, packed with gzip, has more bytes is refused: a page may hold several.

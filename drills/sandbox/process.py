@@ -652,7 +652,7 @@ class Child:
     def _watch(self, where: str) -> None:
         limits = self._limits
         threads = self._tree.threads()
-        if threads > THREADS:  # so many that to look at each would take us too long
+        if threads > THREADS:  # to look at each of them would take too long
             raise self._end(Reason.PROCESSES, f"{threads} threads ran {where}.")
         others = self._tree.descendants()
         if others:

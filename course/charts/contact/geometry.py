@@ -151,7 +151,7 @@ def random_poses(rng: np.random.Generator, n: int, spread: float) -> Array:
 
 
 def drawn_pairs(a: Shape, b: Shape, n: int, apart: bool) -> tuple[Array, Array]:
-    """Return so many random pairs that are apart, or in each other."""
+    """Return a number of random pairs that are apart, or in each other."""
     rng = np.random.default_rng(3)
     retained: list[tuple[Array, Array]] = []
     while sum(pair[0].shape[1] for pair in retained) < n:

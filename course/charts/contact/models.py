@@ -133,7 +133,7 @@ OURS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def _steps(dt: float) -> tuple[int, float]:
-    """Return so many steps, and the step that they then have [s]."""
+    """Return the number of steps, and the length of each [s]."""
     # Whole steps that end exactly at the compared time.
     n = round(DURATION / dt)
     return n, DURATION / n
@@ -322,7 +322,7 @@ def leg_forces(dt: float = 2e-3) -> dict[str, Array]:
 
 @chart
 def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
-    """Chart model by scene: error, cost, verdict at one step `dt` [s]; so many timed rounds."""
+    """Chart model by scene: error, cost, verdict at one step `dt` [s], timed `repeats` times."""
     panel = Panel("Contact models at one step", data=[])
     rows: Rows = []
     panel.notes.append(

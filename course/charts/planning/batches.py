@@ -132,7 +132,7 @@ def missed(label: str, ratios: Array, accepted: NDArray[np.bool_], **looks: Any)
             continue
         share = float(accepted[these].mean())
         law = float(np.mean([expected_missed(r) for r in ratios[these]]))
-        # In standard errors of a share of so many edges.
+        # In standard errors of a share of this number of edges.
         worst = max(worst, abs(share - law) / math.sqrt(max(law * (1 - law), 1 / count) / count))
         bounds = wilson(np.array(share * count), count)
         rows.append((math.sqrt(low * high), share, *(float(v) for v in bounds), count))

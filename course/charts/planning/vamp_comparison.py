@@ -32,7 +32,7 @@ SKIP = 1000  # of Halton's points between the samples of one query and the next
 
 
 def balls(number: int, seed: int) -> World:
-    """Return VAMP's Panda among so many balls, edges proved; none is near the arm's base."""
+    """Return VAMP's Panda among a number of balls, edges proved; none is near the arm's base."""
     rng, obstacles = np.random.default_rng(seed), []
     while len(obstacles) < number:
         at = rng.uniform([-0.9, -0.9, 0.0], [0.9, 0.9, 1.2])

@@ -138,8 +138,8 @@ def relative_costs(
     ratios: list[list[float]] = [[] for _ in samplers]
 
     def seconds(k: int) -> float:
-        # Whoever ran before has emptied the caches, and a motion of a few milliseconds would take a
-        # tenth longer. So a short motion is run once more, and only the second run counts.
+        # The engine that ran before has emptied the caches, and a motion of a few milliseconds
+        # would take a tenth longer. So a short motion is run once more, and the second run counts.
         first = samplers[k](1)
         return samplers[k](1) if first < SHORT else first
 

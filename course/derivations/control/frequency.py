@@ -68,7 +68,7 @@ def peak_sensitivity_bounds_margins(result):
     margins = [sampled.crossings(*_loop(*row)) for row in rows]
 
     def growth(row, times):
-        """Return growth of a loop per sample with so many times its gains."""
+        """Return the growth of a loop per sample with its gains multiplied by a factor."""
         kp, ki, kd, late = row
         return sampled.growth(sampled.loop_matrix(*_loop(times * kp, times * ki, times * kd, late)))
 
@@ -116,7 +116,7 @@ def more_gain_rejects_everywhere(result):
     kp, kd, late = result.input("kp", 20.0), result.input("kd", 8.0), result.input("late_ms", 5)
 
     def sensitivity(times, w):
-        """Return |S| of the chapter's loop with so many times the gains."""
+        """Return |S| of the chapter's loop with its gains multiplied by a factor."""
         plant, law = _loop(times * kp, 0.0, times * kd, late / 1000)
         return np.abs(frequency.response(plant, law, w).sensitivity)
 

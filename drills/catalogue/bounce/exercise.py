@@ -394,8 +394,9 @@ SLIPS = slips(
     ),
     impacts_counted=(
         _LOOP.format(speed="restitution * impact", rest="").replace("2000", "100"),
-        "The loop ends after so many impacts, and the ball falls on through the floor. One that "
-        "comes to rest has infinitely many of them, in the time 2 u / (g (1 - e)): test for it.",
+        "The loop ends after a fixed number of impacts, and the ball falls on through the floor. "
+        "One that comes to rest has infinitely many of them, in the time 2 u / (g (1 - e)): test "
+        "for it.",
     ),
     rests_too_early=(
         _LOOP.format(speed="restitution * impact", rest="if v < 0.8:\n            return 0.0, 0.0"),
