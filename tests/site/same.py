@@ -10,6 +10,19 @@ from course.simulations import pen as draw
 from course.simulations.model import KEYS, Experiment, Model
 from course.simulations.record import Field
 
+# They count thousands of reaches, train, render depth images or draw whole curves: many seconds in
+# Python or in the host of modules here, and a blink in a browser.
+MINUTES = {
+    "control.nyquist",
+    "kinematics.elbow",
+    "learning.denoising",
+    "learning.point",
+    "learning.two_ways",
+    "perception",
+    "sim_to_real.arms",
+    "sim_to_real.faults",
+}
+
 WITHIN = 1e-9  # of a number in the state or the picture, or of its size where that is above 1
 
 

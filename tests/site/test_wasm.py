@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from course.simulations import pen as draw
 from course.simulations.model import Experiment
@@ -19,24 +19,14 @@ from course.simulations.rigid_body import spring
 from course.site import compiler, wasm
 from tests.budget import PROVE, ROOT, examples
 from tests.site.host import Hosted, array
-from tests.site.same import any_controls, assert_same_run, ends
+from tests.site.same import MINUTES, any_controls, assert_same_run, ends
 
 pytestmark = pytest.mark.slow
 
 
 LIVE = wasm.live()
-# A start of these takes seconds, in plain Python or in a host that calls back for every sine: ten
-# times as many runs prove them.
-EXPENSIVE = {
-    "control.joint",
-    "control.probe",
-    "kinematics.elbow",
-    "learning.denoising",
-    "learning.two_ways",
-    "perception",
-    "sim_to_real.arms",
-    "sim_to_real.faults",
-}
+# A start of these takes seconds, in plain Python or in a host that calls back for every sine.
+EXPENSIVE = {"control.joint", "control.probe", *MINUTES}
 # Compiled anew by the tests, and the constant that one of them changes.
 SMALL, CONSTANT, OTHER = "role.development", "tries * real / 86_400.0", "tries * real / 80_000.0"
 
@@ -99,20 +89,6 @@ def test_a_recorded_simulation_has_no_module() -> None:
     assert retained == {wasm.file_of(name) for name in LIVE}
 
 
-# They count thousands of reaches, train, render depth images or draw whole curves: many
-# seconds in this host, and a blink in a browser.
-MINUTES = {
-    "control.nyquist",
-    "kinematics.elbow",
-    "learning.denoising",
-    "learning.point",
-    "learning.two_ways",
-    "perception",
-    "sim_to_real.arms",
-    "sim_to_real.faults",
-}
-
-
 @pytest.mark.parametrize(
     "name",
     [
@@ -121,15 +97,18 @@ MINUTES = {
     ],
 )
 def test_it_computes_what_python_does(name: str) -> None:
-    """Presets, ends of sliders (in the long tier all), and controls within the limits."""
+    """Presets, ends of sliders (in the long tier all), and controls within the limits.
+
+    All of those of the expensive ones run in a browser, where it takes a blink: tests/site/player.
+    """
     model, module = wasm.model(name), hosted(name)
-    largest = None if PROVE else 1 if name in EXPENSIVE else 2
+    largest = 1 if name in EXPENSIVE else None if PROVE else 2
     for preset in list(model.presets.values())[:largest]:
         assert_same_run(model, module, dict(preset.values), (1.0,))
     for values in list(ends(model))[:largest]:
         assert_same_run(model, module, values, (1.0,))
 
-    @examples(1)
+    @(examples(1) if name not in EXPENSIVE else settings(max_examples=1))
     @given(any_controls(model))
     def within(values: dict[str, Any]) -> None:
         assert_same_run(model, module, values, (0.3, 0.7))

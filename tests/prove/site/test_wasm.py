@@ -5,7 +5,7 @@ import pytest
 
 from course.site import compiler, wasm
 from tests.site.host import Hosted
-from tests.site.same import assert_same_run
+from tests.site.same import MINUTES, assert_same_run
 
 LIVE = wasm.live()
 
@@ -19,7 +19,8 @@ def test_the_same_sources_give_the_same_bytes(name: str) -> None:
     assert wasm.rebuilt(name) == wasm.file_of(name).read_bytes()
 
 
-@pytest.mark.parametrize("name", LIVE)
+# The others run in a browser with each end and each preset: tests/site/player/test_browser.py.
+@pytest.mark.parametrize("name", [name for name in LIVE if name not in MINUTES])
 def test_each_end_of_each_slider_and_each_preset_for_longer(name: str) -> None:
     model = wasm.model(name)
     module = Hosted(model, wasm.file_of(name))
