@@ -606,10 +606,10 @@ show("two_link_jacobian")
 
 # %% [markdown]
 # For two links $\det J = l_1l_2\sin q_2$. The determinant is zero exactly where the elbow is stretched or folded, and
-# $q_1$ doesn't enter: turning the whole arm changes nothing. Arms with more joints have other singular postures too,
-# even in the middle of the workspace. In an arm with just as many joints as the task has numbers, a direction is lost
-# whenever two revolute axes lie on one line. In a wrist of three joints whose axes meet in a point, this happens when
-# the first and the last axis are parallel.
+# $q_1$ doesn't enter: turning the whole arm changes nothing. Spatial arms have other singular postures too, even in the
+# middle of the workspace. In an arm with just as many joints as the task has numbers, a direction is lost whenever two
+# revolute axes lie on one line. In a wrist of three joints whose axes meet in a point, this happens when the first and
+# the last axis are parallel.
 
 # %%
 show("singular_stretched_or_folded")

@@ -340,11 +340,11 @@ bare(axes[2], "conservative advancement")
 plt.show()
 
 # %% [markdown]
-# If you have to use points, enlarge the obstacles first (middle picture). Two check points are a distance $s$ apart,
-# and the edge passes the centre of a disc of radius $r$ at a distance $h \le r$. A check point lies within $s/2$ of the
-# point of the edge that is nearest to the centre. By Pythagoras it is at most $\sqrt{h^2 + s^2/4}$ from the centre,
-# hence at most $\sqrt{r^2 + s^2/4}$. Enlarge the disc to this radius, and whenever an edge touches the original disc, a
-# check point is in the enlarged one.
+# If you must use points, enlarge the obstacles (middle picture). Check points, both ends among them, are a distance $s$
+# apart, and the edge passes the centre of a disc of radius $r$ at a distance $h \le r$. A check point lies within $s/2$
+# of the point of the edge that is nearest to the centre. By Pythagoras it is at most $\sqrt{h^2 + s^2/4}$ from the
+# centre, hence at most $\sqrt{r^2 + s^2/4}$. Enlarge the disc to this radius, and whenever an edge touches the original
+# disc, a check point is in the enlarged one.
 #
 # **A worked example.** A post has a radius of 0.3 m, the points are 0.4 m apart. The enlarged radius is $\sqrt{0.09 +
 # 0.04} = 0.36$ m. So checking at points adds 6 cm to the radius of each post. For any other shape a margin of $s/2$,

@@ -71,6 +71,8 @@ def fk_is_a_product(result):
 
 @claim(
     "The tip of two links is at x = l1 cos q1 + l2 cos(q1 + q2), y = l1 sin q1 + l2 sin(q1 + q2).",
+    "Models of a double pendulum often measure q1 from the arm that hangs down: subtract pi/2 from "
+    "it first. "
     "Motors that sit in the base measure both angles from the x axis; then q2 replaces the sum. "
     "Confusing the two conventions puts the tip of links of {l1_m} m and {l2_m} m up to "
     "{worst_m:.2f} m off.",
@@ -78,12 +80,17 @@ def fk_is_a_product(result):
 def two_link_position(result):
     lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
 
-    def deviation(lengths: Floats, q: np.ndarray, absolute: bool = False) -> float:
-        """Return distance between the quoted formula and the course's arm [m]."""
+    def deviation(
+        lengths: Floats, q: np.ndarray, absolute: bool = False, zero: float = 0.0
+    ) -> float:
+        """Return distance between the quoted formula and the course's arm [m].
+
+        `zero` is the direction from which q1 is measured.
+        """
         (l1, l2), (a, b) = lengths, q
         quoted = [l1 * f(a) + l2 * f(a + b) for f in (np.cos, np.sin)]
         # An absolute second angle is the sum of both joint angles.
-        joints = np.array([a, b - a]) if absolute else q
+        joints = (np.array([a, b - a]) if absolute else q) + np.array([zero, 0.0])
         return float(np.linalg.norm(planar_tip(lengths, joints) - quoted))
 
     draws = result.rng.uniform(-np.pi, np.pi, (40, 2))
@@ -97,13 +104,32 @@ def two_link_position(result):
         for direction in (False, True)
     )
     result.statement = "40 random arms and postures, against the product of transforms."
+    # Chosen to break it: whole turns, and links that differ by a factor of up to ten thousand.
+    turns = draws + 2.0 * np.pi * result.rng.integers(-9, 10, (40, 2))
+    uneven = arms * 10 ** result.rng.uniform(-4.0, 0.0, (40, 2))
+    wound = [deviation(arm, q) < 1e-12 for arm, q in zip(uneven, turns, strict=True)]
+    # Outside: q1 from an arm that hangs down, and both angles clockwise.
+    hanging = [deviation(arm, q, zero=-0.5 * np.pi) for arm, q in zip(arms, draws, strict=True)]
+    clockwise = [
+        np.linalg.norm(planar_tip(arm, -q) - planar_tip(arm, q))
+        for arm, q in zip(arms, draws, strict=True)
+    ]
     result.statement_holds(
         all(plain) and max(grid) < 1e-12,
-        only_if="q2 is measured from the first link",
-        inside=plain,
-        outside=absolute,
+        only_if="the base is at the origin, q1 is measured from the x axis and q2 from the first "
+        "link, both counterclockwise",
+        inside=plain + wound,
+        outside=absolute + [x < 1e-12 for x in (*hanging, *clockwise)],
     )
-    result.correction_holds(max(grid) > lengths[1], max(grid) <= 2 * lengths[1] + 1e-12)
+    result.correction_holds(
+        max(grid) > lengths[1],
+        max(grid) <= 2 * lengths[1] + 1e-12,
+        # The tip turns with q1, so a quarter turn moves it by sqrt(2) of its distance.
+        all(
+            abs(x - np.sqrt(2) * np.linalg.norm(planar_tip(arm, q))) < 1e-12
+            for x, arm, q in zip(hanging, arms, draws, strict=True)
+        ),
+    )
 
 
 @claim(
@@ -157,14 +183,16 @@ def two_link_jacobian(result):
 
 @claim(
     "An arm is singular exactly when it is stretched or folded.",
-    "For two links the determinant l1 l2 sin q2 says so. An arm with more joints may have "
+    "For two links the determinant l1 l2 sin q2 says so. If the direction of the last link counts "
+    "too, three links in a plane are singular as soon as the first two are in line. "
+    "A spatial arm may have "
     "other singular postures in the middle of its workspace: the 7-R arm with q2 = q5 = 0 and q3 = "
     "+-{q3_deg:g} degrees, whatever its elbow does, has rank {rank_bent:g} of 6: with the "
     "elbow at {elbow_rad:g} rad, the hand is at {reach_percent:.0f} % of its reach.",
     source="Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), sec. 3.3",
 )
 def singular_stretched_or_folded(result):
-    from course.kinematics import jacobian, panda, singular_values, tip
+    from course.kinematics import jacobian, panda, planar, singular_values, tip
 
     arm = panda()
     half = np.radians(result.input("q3_deg", 90))
@@ -195,13 +223,33 @@ def singular_stretched_or_folded(result):
         for end in ends
     ]
     result.statement = "Singular values of 20 random two-link arms and 60 postures of the 7-R arm."
+
+    # Chosen to break it: two to six links, random or each straight or folded, equal links among
+    # them (the tip then meets a joint), and a tip on a joint while the arm is not in one line.
+    longer = []
+    for n in range(2, 7):
+        for links in (result.rng.uniform(0.2, 1.5, n), np.ones(n)):
+            q = result.rng.uniform(-3.0, 3.0, n)
+            line = np.append(q[0], np.pi * result.rng.integers(-1, 2, n - 1))
+            longer += [
+                rank(planar_jacobian(links, q)) == 2,
+                rank(planar_jacobian(links, line)) == 1,
+            ]
+    longer += [rank(planar_jacobian([1.0, 0.6, 0.6], [x, 1.0, np.pi])) == 2 for x in turns[:4, 0]]
+    # Outside: the direction of the last link counts too, and only the first two are in line.
+    with_direction = [
+        rank(jacobian(planar([1.0, 0.8, 0.5]), [q[0], end, q[1]])[[0, 1, 5]]) == 3
+        for q in turns[:8]
+        for end in ends
+    ]
     result.statement_holds(
         all(rank(jacobian(arm, q)) == 6 for q in bent),
-        only_if="it has two links in a plane (or its joints are such that nothing else lines up)",
+        only_if="its joints turn about parallel axes and only the position of its tip in their "
+        "plane counts; stretched or folded then means that all links are in one line",
         inside=[rank(planar_jacobian(a, q)) == 2 for a, q in zip(arms, turns, strict=True)]
-        + straight,
-        outside=[rank(jacobian(arm, q)) == 6 for q in bent],
-        cases=True,
+        + straight
+        + longer,
+        outside=[rank(jacobian(arm, q)) == 6 for q in bent] + with_direction,
     )
     result.correction_holds(
         all(rank(jacobian(arm, q)) == 5 for q in bent),
@@ -212,7 +260,8 @@ def singular_stretched_or_folded(result):
 
 @claim(
     "The tip of two links reaches the annulus |l1 - l2| <= r <= l1 + l2.",
-    "It does if both joints turn all the way round. An elbow that stops at +-beta leaves a hole of "
+    "It does if the first joint turns all the way round and the elbow from stretched to folded, on "
+    "one side at least. An elbow that stops at +-beta leaves a hole of "
     "radius sqrt(l1^2 + l2^2 + 2 l1 l2 cos(beta)): {hole_m:.2f} m instead of {free_m:.2f} m for "
     "{l1_m} m, {l2_m} m and {beta_rad} rad.",
     ask=Ask(
@@ -232,14 +281,21 @@ def reachable_annulus(result):
 
     from course.kinematics import two_link_ik
 
-    def right(lengths: Floats, beta: float, points: np.ndarray) -> bool:
-        """Return whether the annulus says of every point whether the arm gets there."""
+    def right(
+        lengths: Floats, beta: float, points: np.ndarray, low: float | None = None, turn: float = 4
+    ) -> bool:
+        """Return whether the annulus says of every point whether the arm gets there.
+
+        The elbow turns from `low`, if None -beta, to beta, the first joint from -turn to turn.
+        """
         answer = two_link_ik(lengths, points)
         error = np.linalg.norm(
             [planar_tip(lengths, answer.q[:, k]) - points for k in (0, 1)], axis=1
         )  # branch, point
         # Both branches of the closed form, checked by forward kinematics and by the elbow's limit.
-        gets = ((error < 1e-6) & (np.abs(answer.q[1]) <= beta)).any(axis=0)
+        first = np.abs((answer.q[0] + np.pi) % (2.0 * np.pi) - np.pi) <= turn
+        elbow = (answer.q[1] >= (-beta if low is None else low)) & (answer.q[1] <= beta)
+        gets = ((error < 1e-6) & first & elbow).any(axis=0)
         r = np.hypot(*points)
         inside = (r >= abs(lengths[0] - lengths[1])) & (r <= sum(lengths))
         return bool((gets == inside).all())
@@ -263,15 +319,30 @@ def reachable_annulus(result):
     arms = _lengths(result.rng, 24)
     clouds = [result.rng.uniform(-1, 1, (2, 200)) * 1.2 * a.sum() for a in arms]
     stops = result.rng.uniform(0.5, 2.8, 24)
+    # Chosen to break it: an elbow that bends to one side only, equal links, and very unequal ones.
+    pairs = [
+        *arms[:8],
+        *(np.ones(2) * a[0] for a in arms[:4]),
+        *(a * (1.0, 1e-3) for a in arms[:4]),
+    ]
+    spread = [result.rng.uniform(-1, 1, (2, 200)) * 1.2 * a.sum() for a in pairs]
+    one_side = [right(a, np.pi, p, low=0.0) for a, p in zip(pairs, spread, strict=True)]
+    # Outside: the first joint does not turn all the way round.
+    short_turn = [
+        right(a, np.pi, p, turn=result.rng.uniform(0.5, 2.8))
+        for a, p in zip(arms, clouds, strict=True)
+    ]
     result.statement_holds(
         all(right(a, b, p) for a, b, p in zip(arms, stops, clouds, strict=True)),
-        only_if="no joint stops on the way round",
-        inside=[right(a, np.pi, p) for a, p in zip(arms, clouds, strict=True)],
-        outside=[right(a, b, p) for a, b, p in zip(arms, stops, clouds, strict=True)],
+        only_if="the first joint turns all the way round, and the elbow from stretched to folded "
+        "on at least one side",
+        inside=[right(a, np.pi, p) for a, p in zip(arms, clouds, strict=True)] + one_side,
+        outside=[right(a, b, p) for a, b, p in zip(arms, stops, clouds, strict=True)] + short_turn,
     )
     result.correction_holds(
         all(abs(hole(a, b) - law(*a, b)) < 1e-9 for a, b in zip(arms, stops, strict=True)),
         hole(lengths, stop) > 1.5 * hole(lengths, np.pi),
+        sum(short_turn) < len(short_turn) / 2,
     )
 
 
@@ -382,14 +453,41 @@ def tip_plans_need_joints(result):
     result.measure("rate", np.percentile(worst, 90), 1e-3)
     turned = np.hypot(*planar_tip(lengths, result.rng.uniform(-np.pi, np.pi, (2, 4000))))
     result.statement = "1000 lines between random points of the annulus, 201 points on each."
+
+    def follows(arm: Floats, a: np.ndarray, b: np.ndarray, most: float = np.pi) -> bool:
+        """Return whether one branch follows a line without a jump, the elbow within its stop."""
+        t = np.linspace(0.0, 1.0, 4000)
+        answer = two_link_ik(arm, a[:, None] * (1 - t) + b[:, None] * t)
+        steps = (np.diff(answer.q[:, 0]) + np.pi) % (2.0 * np.pi) - np.pi
+        within = np.abs(answer.q[1, 0]).max() <= most
+        return bool(answer.reached.all() and np.abs(steps).max() < 0.5 and within)
+
+    def past_base(arm: Floats, distance: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the ends of a line that passes the base at this distance."""
+        angle = result.rng.uniform(-np.pi, np.pi)
+        along, across = np.array([np.cos(angle), np.sin(angle)]), [-np.sin(angle), np.cos(angle)]
+        middle, half = distance * np.array(across), 0.6 * sum(arm) * along
+        return middle - half, middle + half
+
+    # Chosen to break it: lines that nearly touch the hole, arms with the longer link second, and
+    # equal links, whose annulus has no hole, close to the base.
+    others = _lengths(result.rng, 6)
+    near = [follows(x, *past_base(x, abs(x[0] - x[1]) + 0.01 * sum(x))) for x in others]
+    near += [follows(x, *past_base(x, 0.02)) for x in np.ones((4, 2)) * others[:4, :1]]
+    # Outside: through the base q1 jumps by half a turn. And an elbow that stops at 1.5 rad.
+    through = [follows(x, *past_base(x, 0.0)) for x in np.ones((4, 2)) * others[:4, :1]]
+    stopped = [follows(x, *past_base(x, 0.2), 1.5) for x in np.ones((4, 2)) * others[:4, :1]]
     result.statement_holds(
         reached.all(),
-        only_if="these lines stay in the annulus, and IK stays on one branch",
-        inside=reached[stays],
-        outside=reached[~stays],
+        only_if="these lines stay in the annulus and do not pass through the base, IK stays on one "
+        "branch, and no joint reaches a stop",
+        inside=[*reached[stays], *near],
+        outside=[*reached[~stays], *through, *stopped],
     )
     result.correction_holds(
         0.05 < 1 - stays.mean() < 0.5,
+        not any(through),
+        not any(stopped),
         np.percentile(worst, 90) > 4,
         (turned > lengths[0] - lengths[1] - 1e-9).all(),
         (turned < sum(lengths) + 1e-9).all(),

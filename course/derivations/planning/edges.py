@@ -44,10 +44,10 @@ def edge_by_ten_points(result):
     edge = result.input("edge_m", 1.0)
     gap, tried = edge / 11, np.linspace(0.0, edge, 12)  # ten and the ends
 
-    def unseen(discs, growth=0.0):
-        """Return whether no point tried is in the disc, grown by a share of what a gap needs."""
-        radii = np.sqrt(discs[:, 2:] ** 2 + growth * (gap / 2) ** 2)
-        return np.all(np.hypot(tried - discs[:, :1], discs[:, 1:2]) > radii, axis=1)
+    def unseen(discs, growth=0.0, points=tried):
+        """Return whether no point is in the disc, grown by a share of what the gaps need."""
+        radii = np.sqrt(discs[:, 2:] ** 2 + growth * (np.diff(points).max() / 2) ** 2)
+        return np.all(np.hypot(points - discs[:, :1], discs[:, 1:2]) > radii, axis=1)
 
     def hit(radius, count):
         """Return discs that the edge hits, and how deep it cuts into each."""
@@ -68,20 +68,32 @@ def edge_by_ten_points(result):
         f"100,000 discs of each size; the closed form passes {wrong} of {len(sample)} that hit."
     )
 
-    def none_missed(growth):
-        return not np.any(unseen(hit(10 ** result.rng.uniform(-2, 0.5), 20_000)[0], growth))
+    def none_missed(growth, points=tried):
+        discs = hit(10 ** result.rng.uniform(-2, 0.5), 20_000)[0]
+        return not np.any(unseen(discs, growth, points))
 
+    inside = [none_missed(1.0) for _ in range(10)]
+    outside = [none_missed(0.9) for _ in range(10)]
+    # Chosen to break it: points at uneven distances. Outside: the ends of the edge are no points.
+    ends = np.array([0.0, edge])
+    inside += [
+        none_missed(1.0, np.sort(np.append(ends, result.rng.uniform(0.0, edge, 10))))
+        for _ in range(4)
+    ]
+    open_ended = [none_missed(1.0, tried[1:-1]) for _ in range(4)]
     result.statement_holds(
         share == 0.0,
         only_if="every disc is first enlarged to the radius sqrt(r^2 + s^2 / 4), where s is the "
-        "spacing of the check points",
-        inside=[none_missed(1.0) for _ in range(10)],
-        outside=[none_missed(0.9) for _ in range(10)],
+        "largest distance between neighbouring check points, and both ends of the edge are among "
+        "these points",
+        inside=inside,
+        outside=outside + open_ended,
     )
     result.correction_holds(
         wrong == 0,
         bool(unseen(middles)[0]),
         not unseen(middles)[1],
+        not any(open_ended),
         deepest <= float(result.formula.subs({r: large, s: gap})),
     )
 
@@ -161,6 +173,24 @@ def thin_wall_missed(result):
         ]
         return result.measure(name, np.mean(bad), 0.3)
 
+    def oblique():
+        """Return whether points find a wall that an edge crosses at any angle.
+
+        There are 2 to 4 dimensions. The edge may begin just in front of the wall and end just
+        behind it.
+        """
+        n, width = int(result.rng.integers(2, 5)), 10 ** result.rng.uniform(-2, 0)
+        along = result.rng.normal(size=n)
+        along[0] = max(abs(along[0]), 0.1)
+        before, after = 10 ** result.rng.uniform(-6, 0.5, 2)
+        # The first coordinate goes from just in front of the wall to just behind it.
+        a, b = (x * width * along / along[0] for x in (-before, 1.0 + after))
+        limits = np.array([[-100.0], [100.0]]) * np.ones(n)
+        fine = result.rng.uniform(0.5, 0.999) * width
+        return not planning.edge_free(
+            planning.from_function(lambda q: not 0.0 <= q[0] <= width, limits, fine), a, b
+        )
+
     result.measure("ompl_m", resolution * planning.scenes.empty().world.extent)
     slit = through(result.input("open", 0.02), "refused")
     half = through(result.input("half", 0.5), "refused_half")
@@ -169,7 +199,9 @@ def thin_wall_missed(result):
         share == 0.0,
         only_if="the spacing is below the thickness of the wall, and the edge crosses it from side "
         "to side",
-        inside=[missed(spacing * x, 60) == 0.0 for x in result.rng.uniform(1.001, 2.0, 8)],
+        # Chosen to break it: oblique edges that begin or end close to the wall, more dimensions.
+        inside=[missed(spacing * x, 60) == 0.0 for x in result.rng.uniform(1.001, 2.0, 8)]
+        + [oblique() for _ in range(12)],
         outside=[missed(spacing * x, 60) == 0.0 for x in result.rng.uniform(0.5, 0.9, 8)],
     )
     block = planning.plane([[-2, -2], [2, 2]], boxes=[[-1, -1, 0, 0]])

@@ -90,6 +90,22 @@ def informed_rrt_star(result):
     result.measure("informed", informed, 0.1)
     draws = zip(result.rng.uniform(0.3, 1.6, 10), result.rng.integers(1000, 4000, 10), strict=True)
     inside = [pair(k, radius, int(count)) for k, (radius, count) in enumerate(draws)]
+
+    def crowded(seed):
+        """Return the plans of both through forty small discs, start and goal 8 m apart."""
+        from course.planning import plan, plane, scenes
+
+        discs = result.rng.uniform((1.5, 1.5, 0.1), (8.5, 8.5, 0.4), (40, 3))
+        clear = [np.hypot(discs[:, 0] - x, discs[:, 1] - 5.0) > discs[:, 2] + 0.2 for x in (1, 9)]
+        world, ends = plane(scenes.SQUARE, discs[np.all(clear, axis=0)]), ([1.0, 5.0], [9.0, 5.0])
+        return [
+            plan(world, *ends, method=x, budget=2000, rng=seed, step=1.0)
+            for x in ("rrt_star", "informed_rrt_star")
+        ]
+
+    # Chosen to break it: many obstacles, so that the first path is rarely near the shortest one.
+    crowds = [crowded(seed) for seed in range(6)]
+    shortened = [b.cost < a.cost for a, b in crowds if ellipse(a.cost) < 0.25]
     result.statement = "Ten seeds past a disc of 2 m, ten discs of other sizes, eight bug traps."
     outside = [shorter("bug_trap", seed) for seed in range(8)]
     before = [runs("gap", x, 50, 0.02, 0.5, budget=200) for x in ("rrt_star", "informed_rrt_star")]
@@ -99,13 +115,14 @@ def informed_rrt_star(result):
         all(outside),
         only_if="a path is known and its ellipse excludes most of the world, with many samples "
         "to come (here: an ellipse below a quarter of the square, a thousand samples or more)",
-        inside=[b[0].cost < a[0].cost and ellipse(a[1]) < 0.25 for a, b in inside],
+        inside=[b[0].cost < a[0].cost and ellipse(a[1]) < 0.25 for a, b in inside] + shortened,
         outside=outside,
     )
     result.correction_holds(
         all(np.array_equal(a.nodes, b.nodes) for a, b in unsolved),
         len(unsolved) > 10,
         informed < 0.6 * star,
+        len(shortened) > 2,
     )
 
 
@@ -466,6 +483,21 @@ def limits_between_grid_points(result):
         _, rate, push = motion(np.linspace(0.0, motion.duration, 4001))
         return max(np.abs(rate).max(), np.abs(push).max()) < 1 + 1e-9
 
+    def hard(kind):
+        """Return whether a path of many joints, chosen to break it, is within unequal limits."""
+        n, k = int(result.rng.integers(3, 8)), int(result.rng.integers(3, 7))
+        draw = result.rng.uniform(-1.0, 1.0, (n, k))
+        if kind == 0:  # corners that turn by half a turn, on one line
+            draw = draw[:, :1] + np.outer(draw[:, 1], np.cumsum(result.rng.choice([-1.0, 1.0], k)))
+        elif kind == 1:  # joints of very different travel
+            draw *= 10 ** result.rng.uniform(-4, 2, (n, 1))
+        else:  # neighbouring edges of very different length
+            draw *= 10 ** result.rng.uniform(-4, 2, k)
+        limits = 10 ** result.rng.uniform(-2, 2, (2, n, 1))
+        motion = time_parameterise(draw, limits[:, :, 0], blend=2.0, grid=2)
+        moved = motion(np.linspace(0.0, motion.duration, 2001))[1:]
+        return (np.abs(moved) / limits).max() < 1 + 1e-9
+
     def on_arc(angle, turn):
         """Return the largest acceleration on an arc at even speed, limit 1 at both of its ends."""
         ends, between = (turn + np.linspace(-0.5, 0.5, k) * angle for k in (2, 1001))
@@ -505,7 +537,9 @@ def limits_between_grid_points(result):
         fine[1] < 1 + 1e-6,
         only_if="both ends of each interval are constrained, and the path between them is a line, "
         "or a parabola in its own parameter",
-        inside=[both_ends(corners) for corners in result.rng.integers(1, 5, 10)],
+        # Chosen to break it: up to seven joints, reversals, lengths and limits of many sizes.
+        inside=[both_ends(corners) for corners in result.rng.integers(1, 5, 10)]
+        + [hard(k % 3) for k in range(12)],
         outside=[x < 1 + 1e-9 for x in (coarse[1], fine[1], *arcs, by_length)],
     )
     result.correction_holds(

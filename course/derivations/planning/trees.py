@@ -368,11 +368,27 @@ def passage_in_more_dimensions(result):
     law = {k: float(tube.subs({w: width, n: k})) for k in tubes}
     result.statement = f"400,000 pairs each; the chapter's edge test in the plane: {ours:.3f}."
     draws = list(zip(result.rng.integers(2, 4, 8), result.rng.uniform(0.1, 0.3, 8), strict=True))
+    inside = [observed(k + 1, k, x) < 0.9 * observed(k, k - 1, x) for k, x in draws]
+    outside = [observed(k + 1, 1, x) < 0.9 * observed(k, 1, x) for k, x in draws]
+
+    def uneven():
+        """Return whether each added direction makes an opening harder to hit."""
+        ends = result.rng.uniform(-0.5, 0.5, (2, 5, 20_000))
+        a, b = np.abs(ends[:, -1])
+        cross = (ends[0, :-1] * b + ends[1, :-1] * a) / (a + b)
+        wide = result.rng.uniform(0.3, 0.8, 4)
+        middle = result.rng.uniform(-0.5, 0.5, 4) * (1.0 - wide)
+        hits = np.abs(cross - middle[:, None]) < 0.5 * wide[:, None]
+        counts = np.logical_and.accumulate(hits, axis=0).sum(axis=1)
+        return bool(np.all(np.diff(counts) < 0))
+
+    # Chosen to break it: openings away from the middle, with another width in each direction.
+    inside += [uneven() for _ in range(8)]
     result.statement_holds(
         slabs[6] < 0.9 * slabs[2],
         only_if="it is narrow in the added directions as well: a tube, not a slab",
-        inside=[observed(k + 1, k, x) < 0.9 * observed(k, k - 1, x) for k, x in draws],
-        outside=[observed(k + 1, 1, x) < 0.9 * observed(k, 1, x) for k, x in draws],
+        inside=inside,
+        outside=outside,
     )
     result.correction_holds(
         abs(ours - law[2]) < 0.01,
