@@ -304,11 +304,18 @@ def long_run_mean(result):
     locked = [right(n * camera, x) for n in (1, 1.5, 2, 50) for x in phases]
     # So near such a ratio that the phase moves by less than a period in ten minutes.
     crawling = [right(n * camera * (1 + 1e-6), x) for n in (1, 3) for x in phases]
+
+    def going_round(turns):
+        """Return whether the mean is right if the phase goes round this often in ten minutes."""
+        return [right(n * camera * (1 + turns * camera / 600), x) for n in (1, 3) for x in phases]
+
     result.statement_holds(
         right(slow, 0.02),
-        inside=apart,
-        outside=locked + crawling,
-        only_if="the phase between the two clocks takes many values during the run",
+        inside=apart + going_round(10.5),
+        # Chosen to break it: a phase that takes thousands of values, but not evenly.
+        outside=locked + crawling + going_round(1.5),
+        only_if="during the run the phase between the two clocks spreads evenly over a whole "
+        "period",
     )
     result.correction_holds(
         np.ptp(low) < 1e-9,

@@ -47,6 +47,10 @@ def steps_per_picture(result):
     def finished(physics_hz, picture_hz):
         return max(share for _, share in _pictures(physics_hz, picture_hz)) == 0
 
+    def between(physics_hz, picture_hz):
+        """Return whether every second picture at twice the rate, from the first, is on a step."""
+        return max(share for _, share in _pictures(physics_hz, 2 * picture_hz)[::2]) == 0
+
     slow = result.input("slow_hz", 30)
     at_60, at_slow = _pictures(1000, 60), _pictures(1000, slow)
     steps = [after[0] - before[0] for before, after in itertools.pairwise(at_60)]
@@ -59,7 +63,7 @@ def steps_per_picture(result):
     physics = result.rng.integers(200, 900, 10)
     result.statement_holds(
         finished(1000, 60),
-        only_if="the picture rate divides the physics rate",
+        only_if="the picture rate divides the physics rate and the first picture falls on a step",
         inside=[
             finished(int(n * rate), int(rate))
             for n, rate in zip(
@@ -68,7 +72,9 @@ def steps_per_picture(result):
         ],
         # rate // 7 - 1 lies strictly between an eighth and a seventh of the rate, so it never
         # divides it.
-        outside=[finished(int(rate), int(rate) // 7 - 1) for rate in physics],
+        outside=[finished(int(rate), int(rate) // 7 - 1) for rate in physics]
+        # Chosen to break it: rates that divide, but pictures that start half a period off.
+        + [between(odd * rate, rate) for odd, rate in ((3, 40), (5, 50), (17, 60))],
     )
     result.correction_holds(set(steps) == {16, 17}, len(at_60) == 60, at_60[2][0] == 50)
 
@@ -180,8 +186,8 @@ def clock_by_adding_dt(result):
 
 @claim(
     "A step of 10 ms is unstable; 1 to 4 ms is right for rigid robots.",
-    "No step is good or bad by itself: semi-implicit Euler's limit is 2 over the fastest angular "
-    "frequency. It is "
+    "No step is good or bad by itself: without damping, semi-implicit Euler's limit is 2 over the "
+    "fastest angular frequency. It is "
     "{limit_100_n_per_m_ms:.0f} ms for {soft_n_per_m:.0f} N/m on {mass_kg:.0f} kg and "
     "{limit_1_mn_per_m_ms:.0f} ms for {stiff_n_per_m:.0f} N/m.",
 )
@@ -192,11 +198,12 @@ def step_sweet_spot(result):
     soft, stiff = result.input("soft_n_per_m", 1e2), result.input("stiff_n_per_m", 1e6)
     omega_h = measured_limit("semi_implicit_euler")
 
-    def stable(omega, dt):
-        return spectral_radius("semi_implicit_euler", omega * dt) <= 1 + 1e-9
+    def stable(omega, dt, zeta=0.0):
+        return spectral_radius("semi_implicit_euler", omega * dt, zeta) <= 1 + 1e-9
 
-    def right(omega):
-        return not stable(omega, 0.010) and all(stable(omega, dt) for dt in (1e-3, 2e-3, 4e-3))
+    def right(omega, zeta=0.0):
+        fine = all(stable(omega, dt, zeta) for dt in (1e-3, 2e-3, 4e-3))
+        return fine and not stable(omega, 0.010, zeta)
 
     result.measure("limit_100_n_per_m_ms", 1000 * omega_h / np.sqrt(soft / mass))
     result.measure("limit_1_mn_per_m_ms", 1000 * omega_h / np.sqrt(stiff / mass))
@@ -209,11 +216,12 @@ def step_sweet_spot(result):
     beside = [*result.rng.uniform(0.9 * slow, slow, 6), *result.rng.uniform(fast, 1.1 * fast, 6)]
     result.statement_holds(
         right(np.sqrt(soft / mass)) and right(np.sqrt(stiff / mass)),
-        only_if="the integrator is semi-implicit Euler and the fastest undamped oscillation lies "
-        "between {slowest_rad_per_s:.0f} and "
-        "{fastest_rad_per_s:.0f} rad/s",
+        only_if="the integrator is semi-implicit Euler, nothing damps, and the fastest oscillation "
+        "lies between {slowest_rad_per_s:.0f} and {fastest_rad_per_s:.0f} rad/s",
         inside=[right(w) for w in result.rng.uniform(slow, fast, 12)],
-        outside=[right(w) for w in beside],
+        outside=[right(w) for w in beside]
+        # Chosen to break it: damping from the old velocity lowers the limit.
+        + [right(w, result.rng.uniform(0.3, 0.9)) for w in np.linspace(0.85, 0.99, 6) * fast],
     )
     result.correction_holds(
         stable(np.sqrt(soft / mass), 0.010),
@@ -333,7 +341,13 @@ def tenth_of_the_step(result):
     result.statement_holds(
         all(ten_times("implicit_midpoint", dt) for dt in steps),
         only_if="the method is explicit",
-        inside=[ten_times(explicit[i % len(explicit)], dt) for i, dt in enumerate(steps)],
+        inside=[ten_times(explicit[i % len(explicit)], dt) for i, dt in enumerate(steps)]
+        # Chosen to break it: forces that are not linear, and bodies that turn.
+        + [
+            ten_times(name, 0.02, other.system)
+            for name in ("explicit_euler", "velocity_verlet", "rk4")
+            for other in (problems.pendulum(), problems.double_pendulum(), problems.tumble())
+        ],
         outside=[ten_times("implicit_midpoint", dt) for dt in steps],
     )
     result.correction_holds(
@@ -478,7 +492,9 @@ def gradient_search_is_linear(result):
         abs(far - 5) < 1e-6,
         only_if="it starts in the valley of the answer, here between {valley_from_rad_per_s:.2f} "
         "and {valley_to_rad_per_s:.2f} rad/s",
-        inside=[abs(fit(w)[0] - 5) < 1e-6 for w in result.rng.uniform(low, high, 10)],
+        inside=[abs(fit(w)[0] - 5) < 1e-6 for w in result.rng.uniform(low, high, 10)]
+        # Chosen to break it: starts at the edge, where a long first step could leave the valley.
+        + [abs(fit(w)[0] - 5) < 1e-6 for gap in (0.003, 0.03) for w in (low + gap, high - gap)],
         outside=[abs(fit(w)[0] - 5) < 1e-6 for w in (low - 0.1, high + 0.1) * 4],
     )
     result.correction_holds(valleys.sum() > 1, count < 20, abs(far - 5) > 1)

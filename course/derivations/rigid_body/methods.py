@@ -98,12 +98,15 @@ def rk4_costs_four_times(result):
         euler = _evaluations(problem, "semi_implicit_euler", tolerance, 50_000)
         return _evaluations(problem, "rk4", tolerance, 400) / euler
 
-    def same_step(dt):
+    def same_step(dt, system=problem.system):
         rk4, euler = (
-            integrators.evaluations_per_step(problem.system, name, dt)
+            integrators.evaluations_per_step(system, name, dt)
             for name in ("rk4", "semi_implicit_euler")
         )
         return abs(rk4 / euler - 4) < 0.01
+
+    # Chosen to break it: forces that are not linear, and bodies that turn.
+    others = (problems.pendulum(), problems.double_pendulum(), problems.tumble())
 
     for name, steps in (("semi_implicit_euler", 50_000), ("velocity_verlet", 4000), ("rk4", 400)):
         result.measure(name, _evaluations(problem, name, 1e-6, steps), tolerance=0.05)
@@ -115,7 +118,8 @@ def rk4_costs_four_times(result):
     result.statement_holds(
         abs(ratio(1e-6) - 4) < 1,
         only_if="both take the same step",
-        inside=[same_step(dt) for dt in 10 ** result.rng.uniform(-4, -1, 12)],
+        inside=[same_step(dt) for dt in 10 ** result.rng.uniform(-4, -1, 12)]
+        + [same_step(dt, other.system) for dt in (1e-3, 0.1) for other in others],
         outside=[abs(ratio(t) - 4) < 1 for t in 10 ** result.rng.uniform(-7, -3, 12)],
     )
     result.correction_holds(ratio(1e-6) < 1e-3)
@@ -124,12 +128,15 @@ def rk4_costs_four_times(result):
 @claim(
     "Nothing beats the stability of semi-implicit Euler per force evaluation.",
     "Among explicit ones without damping its omega h = 2 per evaluation is the most, and velocity "
-    "Verlet ties it with one order more. The implicit midpoint rule has no limit at all. With a "
-    "damping ratio above 1 / sqrt(3) even explicit Euler allows a larger step.",
+    "Verlet ties it with one order more. The implicit midpoint rule has no limit at all, and "
+    "neither has an exponential integrator, which is explicit but has to know the frequency. With "
+    "a damping ratio above 1 / sqrt(3) even explicit Euler allows a larger step.",
     source="Chawla, On the order and attainable intervals of periodicity of explicit Nystrom "
     "methods (1985)",
 )
 def semi_implicit_stability_per_cost(result):
+    from scipy.linalg import expm
+
     from course.derivations.rigid_body.linear import measured_limit, spectral_radius
 
     cost = {
@@ -147,10 +154,10 @@ def semi_implicit_stability_per_cost(result):
     implicit = max(spectral_radius("implicit_midpoint", x) for x in (1.0, 10.0, 100.0))
     result.measure("implicit_midpoint_radius_at_100", round(implicit, 9))
 
-    def beaten(evaluations):
-        """Return whether a random explicit splitting is stable up to omega h = 2 per force."""
+    def beaten(evaluations, alike=4.0):
+        """Return whether a random explicit splitting is stable beyond omega h = 2 per force."""
         # Random compositions of kicks and drifts: all explicit splittings of this kind.
-        kicks, drifts = result.rng.dirichlet(np.full(evaluations, 4.0), size=2)
+        kicks, drifts = result.rng.dirichlet(np.full(evaluations, alike), size=2)
         radii = []
         for x in np.linspace(0.05, 2.02, 400) * evaluations:
             A = np.eye(2)
@@ -166,6 +173,10 @@ def semi_implicit_stability_per_cost(result):
         )
         return semi >= explicit
 
+    def exponential(x):
+        """Return the growth per step of the method that uses the exact turn of the spring."""
+        return np.abs(np.linalg.eigvals(expm(np.array([[0.0, x], [-x, 0.0]])))).max()
+
     best = max(limits.values())
     result.statement = (
         "omega h at the limit over evaluations per step (Verlet keeps its last evaluation); "
@@ -173,9 +184,14 @@ def semi_implicit_stability_per_cost(result):
     )
     result.statement_holds(
         implicit > 1 + 1e-6,
-        only_if="explicit methods on undamped oscillations are compared",
-        inside=[not beaten(n) for n in (2, 3) * 6],
-        outside=[damped_best(z) for z in result.rng.uniform(0.3, 0.9, 12)],
+        only_if="explicit methods that use nothing but the forces are compared, on undamped "
+        "oscillations",
+        inside=[not beaten(n) for n in (2, 3) * 6]
+        # Chosen to break it: weights so nearly equal that the splitting almost ties.
+        + [not beaten(n, 1e4) for n in (2, 3, 4) * 2],
+        outside=[damped_best(z) for z in result.rng.uniform(0.3, 0.9, 12)]
+        # Chosen to break it: the exponential of the linear part is explicit, too.
+        + [exponential(x) > 1 + 1e-9 for x in (3.0, 30.0, 300.0)],
     )
     result.correction_holds(
         abs(limits["semi_implicit_euler"] - best) < 1e-6,
@@ -188,7 +204,8 @@ def semi_implicit_stability_per_cost(result):
 @claim(
     "Semi-implicit Euler is only of first order, so velocity Verlet is a better method.",
     "Where forces depend on positions alone: started with the velocity half a step earlier it "
-    "visits the very positions of velocity Verlet, and so has second order at no cost.",
+    "visits the very positions of velocity Verlet, and so has second order at no cost. Where no "
+    "force acts at the start, as in the middle of a swing, it does so without that shift.",
     source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), sec. I.3",
 )
 def semi_implicit_is_verlet(result):
@@ -214,18 +231,33 @@ def semi_implicit_is_verlet(result):
     result.measure("order_staggered", half_kick, tolerance=0.02)
     amplitudes = result.rng.uniform(0.3, 2.9, 10)
     gaps = [run(a, 1000, True)[1] for a in amplitudes]
+
+    def from_the_bottom(speed):
+        """Return the largest distance from Verlet's positions, started where no force acts."""
+        system = problems.pendulum().system
+        start = replace(system, q0=0 * system.q0, v0=system.v0 + speed)
+        ours, theirs = (
+            simulate(start, name, 2e-3, 1000, every=1).q
+            for name in ("semi_implicit_euler", "velocity_verlet")
+        )
+        return float(np.abs(ours - theirs).max())
+
+    # Chosen to break it: velocity and position start together, and half a kick is nothing.
+    unforced = [from_the_bottom(speed) for speed in result.rng.uniform(0.5, 6, 8)]
     result.statement = (
         f"On a pendulum with ten random swings the staggered start follows Verlet's positions to "
         f"{max(gaps):.0e} rad."
     )
     result.statement_holds(
         min(gaps) > 1e-9,
-        only_if="it is started with the velocity at the same time as the position",
+        only_if="it is started with the velocity at the same time as the position, and a force "
+        "acts at the start",
         inside=[run(a, 1000, False)[1] > 1e-4 for a in amplitudes],
-        outside=[gap > 1e-9 for gap in gaps],
+        outside=[gap > 1e-9 for gap in gaps + unforced],
     )
     result.correction_holds(
         max(gaps) < 1e-11,
+        max(unforced) < 1e-11,
         abs(plain - 1) < 0.1,
         abs(half_kick - 2) < 0.1,
     )

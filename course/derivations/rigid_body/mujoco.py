@@ -495,10 +495,13 @@ def mujoco_free_spin_energy(result):
 
 @claim(
     "MuJoCo's implicitfast integrator takes gyroscopic forces implicitly.",
-    "It does so for a free body that stands alone. Let it carry one joint, with a part of a "
-    "milligram on it, and implicitfast gains the energy that Euler gains; implicit does not.",
+    "It does so for a body on a free joint that stands alone. Let it carry one joint, with a part "
+    "of a milligram on it, and implicitfast gains the energy that Euler gains; implicit does not. "
+    "On a ball joint a body gains energy, too.",
 )
 def mujoco_implicitfast_gyroscopic(result):
+    import mujoco
+
     part = (
         '<body><joint type="slide" axis="1 0 0"/>'
         '<inertial pos="0 0 0" mass="1e-6" diaginertia="1e-6 1e-6 1e-6"/></body>'
@@ -509,17 +512,46 @@ def mujoco_implicitfast_gyroscopic(result):
     implicit = result.measure("implicit_with_a_joint", _energy("implicit", child=part), 1e-4)
     result.statement = "Kinetic energy after 5 s of tumbling over that at the start, 2.5 ms."
     bodies = [_random_tumble(result.rng) for _ in range(8)]
+
+    def scene(moments, spin, joint="<freejoint/>", centre="0 0 0", more="", elsewhere=""):
+        """Return the kinetic energy after 5 s over that at the start; the body comes last."""
+        inertia = " ".join(map(repr, map(float, moments)))
+        model, data = small_model(
+            f"{elsewhere}<body>{joint}"
+            f'<inertial pos="{centre}" mass="1" diaginertia="{inertia}"/>{more}</body>',
+            0.0025,
+            "implicitfast",
+            'gravity="0 0 0"',
+            'energy="enable"',
+        )
+        data.qvel[-3:] = spin
+        mujoco.mj_forward(model, data)
+        start = data.energy[1]
+        mujoco.mj_step(model, data, 2000)
+        mujoco.mj_forward(model, data)
+        return data.energy[1] / start
+
+    # Chosen to break it: a centre of mass aside, a part without a joint, an arm elsewhere.
+    aside = {"centre": ".5 .2 -.3"}
+    welded = {"more": part.replace('<joint type="slide" axis="1 0 0"/>', "")}
+    elsewhere = {"elsewhere": part.replace("<body>", '<body pos="9 0 0">')}
+    hostile = [scene(m, spin, **x) for m, spin in bodies[:3] for x in (aside, welded, elsewhere)]
+    # Chosen to break it: the same bodies turn as freely on a ball joint.
+    on_ball = [scene(m, spin, '<joint type="ball"/>') for m, spin in bodies]
     result.statement_holds(
         loaded < 1,
-        only_if="the free body carries no further joint",
-        inside=[_energy("implicitfast", m, spin=spin) < 1 for m, spin in bodies],
+        only_if="the body moves on a free joint and carries no further joint",
+        inside=[_energy("implicitfast", m, spin=spin) < 1 for m, spin in bodies]
+        + [x < 1 for x in hostile],
         # The same bodies with a joint that hardly weighs anything.
-        outside=[_energy("implicitfast", m, part, spin) < 1 for m, spin in bodies],
+        outside=[_energy("implicitfast", m, part, spin) < 1 for m, spin in bodies]
+        + [x < 1 for x in on_ball],
     )
     result.correction_holds(
         abs(loaded - euler) < 1e-9,
         implicit < 1,
         all(_energy("implicit", m, part, spin) < 1 for m, spin in bodies),
+        min(on_ball) > 1,
     )
 
 

@@ -214,35 +214,51 @@ def gimbal_lock_at_one_attitude(result):
     "Point straight up, and turning left and rolling become the same motion.",
     "They become the same motion of two angles, not of the body: it can still turn about three "
     "axes. And where that happens is a choice: of the twelve orders of angles {locked_up:g} lock "
-    "with the x axis pointed straight up by a turn about y, the others elsewhere.",
+    "after one turn about y points the x axis straight up, the others elsewhere. Only yaw, pitch, "
+    "roll, in this order, locks there with every heading.",
 )
 def pointing_up_locks(result):
     from course.rigid_body import quaternion
 
     up = quaternion.exp(np.array([0.0, -np.pi / 2, 0.0]))  # takes the body's x axis to z
 
-    def locks(order: Sequence[int]) -> bool:
-        """Return whether the order is singular at the attitude `up`, by its direction cosines.
+    def locks(order: Sequence[int], heading: float = 0.0, roll: float = 0.0) -> bool:
+        """Return whether the order is singular with the nose up, by its direction cosines.
 
         An order a-b-c locks where its first axis, fixed in the world, and its last, fixed in the
         body, are parallel.
         """
-        return bool(abs(quaternion.rotate(up, _AXES[order[2]])[order[0]]) > 1 - 1e-12)
+        turned = quaternion.product(quaternion.exp(heading * _AXES[2]), up)
+        turned = quaternion.product(turned, quaternion.exp(roll * _AXES[0]))
+        return bool(abs(quaternion.rotate(turned, _AXES[order[2]])[order[0]]) > 1 - 1e-12)
 
     # All twelve orders, so the number is counted and not sampled.
     locked = [order for order in _orders() if locks(order)]
     zyx = quaternion.euler_zyx_rate_matrix(np.pi / 2, 0.3)
+    headings = result.rng.uniform(0.1, 1.4, (8, 2))
     result.measure("locked_up", len(locked))
     result.measure("rank_of_zyx", _rank(zyx))
     result.statement = f"Locked there: {', '.join(''.join('xyz'[i] for i in o) for o in locked)}."
     result.statement_holds(
         len(locked) == len(_orders()),
-        only_if="yaw and roll are the first and the last of the angles, the pitch between them",
-        inside=[locks((2, 1, 0)), locks((0, 1, 2))],
-        outside=[locks(order) for order in _orders() if set(order[::2]) != {0, 2}],
+        only_if="yaw, about the vertical, is the first of the angles and roll, about the nose, the "
+        "last",
+        # Chosen to break it: the nose is up, but with any heading and any roll.
+        inside=[locks((2, 1, 0), *angles) for angles in headings],
+        outside=[
+            locks(order, *angles)
+            for order in _orders()
+            if order != (2, 1, 0)
+            for angles in headings
+        ],
         cases=True,
     )
-    result.correction_holds(_rank(zyx) == 2, 0 < len(locked) < len(_orders()))
+    result.correction_holds(
+        _rank(zyx) == 2,
+        0 < len(locked) < len(_orders()),
+        [o for o in _orders() if all(locks(o, *angles) for angles in headings)] == [(2, 1, 0)],
+        locks((0, 1, 2)) and not locks((0, 1, 2), *headings[0]),
+    )
 
 
 @claim(

@@ -268,7 +268,8 @@ def contact_stable_at_1_khz(result):
     limited = ("semi_implicit_euler", "velocity_verlet", "rk4")
     result.measure("at_1_khz", omega * 1e-3)
     result.measure("at_100_hz", omega * 1e-2)
-    # Two half steps composed are a method of their own, with omega dt = 1.6 per half at 100 Hz.
+    # Chosen to break it: two half steps composed are a method of their own, with omega dt = 1.6
+    # per half at 100 Hz.
     halves = numeric_matrix("semi_implicit_euler", omega * 1e-2 / 2)
     twice = np.abs(np.linalg.eigvals(halves @ halves)).max()
     result.measure("explicit_1_khz", radii["explicit_euler"][0], tolerance=1e-4)
@@ -491,7 +492,8 @@ def explicit_damped_limit(result):
     "Damping lets semi-implicit Euler take larger steps.",
     "With the damping force taken from the old velocity the limit falls to "
     "2 (sqrt(1 + zeta^2) - zeta) / omega. Taken implicitly, as in MuJoCo, it rises to "
-    "2 (sqrt(1 + zeta^2) + zeta) / omega.",
+    "2 (sqrt(1 + zeta^2) + zeta) / omega. A damper that acts only on a slower oscillation changes "
+    "nothing.",
     ask=(
         "x'' = -omega^2 x - 2 zeta omega x', both forces from the old state: the largest stable "
         "step of semi-implicit Euler?",
@@ -530,18 +532,36 @@ def semi_implicit_damped_limit(result):
     risen = [implicit(z) for z in zetas]
     measured = result.measure("omega_h_explicit_damping", fallen[0])
     result.measure("omega_h_implicit_damping", risen[0])
+
+    def coupled(damping: np.ndarray, stiffness: np.ndarray) -> float:
+        """Return the largest stable step of unit masses, damping taken implicitly [s]."""
+        one = np.eye(len(stiffness))
+
+        def stable(h: float) -> bool:
+            velocity = np.linalg.solve(one + h * damping, np.hstack((-h * stiffness, one)))
+            position = np.hstack((one, 0 * one)) + h * velocity
+            return stability.spectral_radius(np.vstack((position, velocity))) < 1 + 1e-7
+
+        return stability.limit(stable, 1e-3, 1e3, rel=1e-6)
+
+    # Chosen to break it: three masses that are coupled, and a damper at the slow one of two.
+    springs, dampers = result.rng.normal(size=(2, 6, 3, 3))
+    pairs = [(d @ d.T, s @ s.T + np.eye(3)) for d, s in zip(dampers, springs, strict=True)]
+    several = [coupled(d, k) / coupled(0 * d, k) for d, k in pairs]
+    elsewhere = [coupled(np.diag([d, 0.0]), np.diag([1.0, 4.0])) for d in (0.1, 1.0, 3.0)]
     result.statement = (
         f"zeta = 0.5: {measured:.6f} measured, {theory(0.5):.6f} by 1 + trace + det = 0."
     )
     result.statement_holds(
         measured > 2,
-        only_if="the damping force is taken implicitly",
-        inside=[limit > 2 for limit in risen],
-        outside=[limit > 2 for limit in fallen],
+        only_if="the damping force is taken implicitly and acts on the fastest oscillation",
+        inside=[limit > 2 for limit in risen] + [ratio > 1.001 for ratio in several],
+        outside=[limit > 2 for limit in fallen] + [limit > 1.001 for limit in elsewhere],
     )
     result.correction_holds(
         np.allclose(fallen, theory(zetas), rtol=1e-6),
         np.allclose(risen, 2 * (np.sqrt(1 + zetas**2) + zetas), rtol=1e-6),
+        np.allclose(elsewhere, 1, rtol=1e-4),
     )
 
 
@@ -737,7 +757,13 @@ def limit_scales_with_root(result):
         abs(retained - 2) < 0.01,
         only_if="nothing damps, or the damping ratio stays the same",
         # Ratios below 0.2 are set to zero, so that undamped springs are among the samples.
-        inside=[abs(fall(m, a, b, z * (z > 0.2), False) - 1) < 1e-3 for m, a, b, z in draws],
+        inside=[abs(fall(m, a, b, z * (z > 0.2), False) - 1) < 1e-3 for m, a, b, z in draws]
+        # Chosen to break it: strong damping, a stiffness far away, and explicit Euler.
+        + [
+            abs(fall(m, 1, ratio, z, False) - 1) < 1e-3
+            for ratio in (1.001, 1e3)
+            for m, z in (("semi_implicit_euler", 5.0), ("rk4", 3.0), ("explicit_euler", 0.3))
+        ],
         outside=[abs(fall(m, a, b, z, True) - 1) < 1e-3 for m, a, b, z in draws],
     )
     result.correction_holds(

@@ -49,6 +49,12 @@ def _wander(q: np.ndarray, omega: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip(axis[:, 0] @ axis, -1, 1)).max()))
 
 
+def _path(moments: Floats, omega: Floats) -> tuple[np.ndarray, np.ndarray]:
+    """Return orientations and body rates of a free body along 5 s."""
+    run = _spin(moments, omega, 5.0)
+    return run.q, run.v
+
+
 def _without_term(moments: Floats, omega: Floats, seconds: float) -> float:
     """Return the error of the attitude of a free body whose gyroscopic term is left out [rad]."""
     from course.rigid_body import quaternion
@@ -78,8 +84,9 @@ def _pushed(rng: np.random.Generator, push: float = 1.0, mass: float = 2.0) -> A
 
     Returns:
         (force, path, rest, poles): the force [N]; r -> acceleration of the point at r off the
-        centre, from its path [m/s^2]; r -> torque less I alpha + omega x (I omega) about that point
-        [N m]; the r of the point without acceleration and of one with an acceleration along r.
+        centre, from its path, seen from a frame that turns at a given rate [m/s^2]; r -> torque
+        less I alpha + omega x (I omega) about that point [N m]; the r of the point
+        without acceleration and of one with an acceleration along r.
     """
     from course.rigid_body import RigidBody, quaternion
     from course.rigid_body.spatial import newton_euler_acceleration
@@ -98,8 +105,11 @@ def _pushed(rng: np.random.Generator, push: float = 1.0, mass: float = 2.0) -> A
         body.step(h, (0.0, 0.0, 0.0))
         poses.append(body.q)
 
-    def path(r: np.ndarray) -> np.ndarray:
+    def path(r: np.ndarray, rate: float = 0.0) -> np.ndarray:
         p = [q[:3] + quaternion.rotate(q[3:], r) for q in poses]
+        if rate:  # as a frame sees it that turns about a vertical axis a metre aside
+            turn = [quaternion.exp(np.array([0.0, 0.0, -rate * h * k])) for k in range(3)]
+            p = [quaternion.rotate(t, x + [1.0, 0.0, 0.0]) for t, x in zip(turn, p, strict=True)]
         return (p[2] - 2 * p[1] + p[0]) / h**2
 
     def rest(r: np.ndarray) -> np.ndarray:
@@ -119,30 +129,33 @@ def _pushed(rng: np.random.Generator, push: float = 1.0, mass: float = 2.0) -> A
 
 @claim(
     "A rigid body obeys F = m*a.",
-    "The a is that of the centre of mass, wherever the force acts. Any other point of the body has "
-    "(alpha x r) + omega x (omega x r) besides: with m = {mass_kg:g} kg the product is up to "
-    "{largest_off_n:.0f} N off the force in the draws below.",
+    "The a is that of the centre of mass in an inertial frame, wherever the force acts. Any other "
+    "point of the body has (alpha x r) + omega x (omega x r) besides: with m = {mass_kg:g} kg the "
+    "product is up to {largest_off_n:.0f} N off the force in the draws below.",
 )
 def force_is_mass_times_acceleration(result):
     mass = result.input("mass_kg", 2.0)
 
-    def deviation(scale: float) -> float:
+    def deviation(scale: float, rate: float = 0.0) -> float:
         force, path, _, _ = _pushed(result.rng, mass=mass)
-        return float(np.abs(mass * path(scale * result.rng.normal(size=3)) - force).max())
+        return float(np.abs(mass * path(scale * result.rng.normal(size=3), rate) - force).max())
 
     # Scale 0 is the centre of mass itself; 1e-4 covers the second difference with h = 1e-5.
     centre, elsewhere = ([deviation(scale) for _ in range(20)] for scale in (0.0, 0.5))
+    # Chosen to break it: the centre itself, seen from a frame that turns.
+    turning = [deviation(0.0, rate) for rate in (0.1, 0.3, 1.0)]
     result.measure("largest_off_n", max(elsewhere), 1e-3)
     result.statement = (
         "Accelerations from the paths of the centre and of other points of 20 bodies."
     )
     result.statement_holds(
         max(elsewhere) < 1e-4,
-        only_if="a is the acceleration of the centre of mass",
+        only_if="a is the acceleration of the centre of mass, in a frame that neither accelerates "
+        "nor turns",
         inside=[x < 1e-4 for x in centre],
-        outside=[x < 1e-4 for x in elsewhere],
+        outside=[x < 1e-4 for x in elsewhere + turning],
     )
-    result.correction_holds(max(centre) < 1e-4 < 0.1 < max(elsewhere))
+    result.correction_holds(max(centre) < 1e-4 < 0.1 < max(elsewhere), min(turning) > 1e-3)
 
 
 @claim(
@@ -194,7 +207,8 @@ def euler_equation_point(result):
     for _ in range(20):
         _, path, rest, poles = _pushed(result.rng)
         r = result.rng.normal(size=3)
-        # The points at which the missing term m c x a_P vanishes: centre, pole, and a_P along c.
+        # Chosen to break it: the points at which the missing term m c x a_P vanishes: centre,
+        # pole, and a_P along c.
         inside += [np.linalg.norm(rest(point)) < 1e-9 for point in (0 * r, *poles)]
         outside += [np.linalg.norm(rest(point)) < 1e-9 for point in (r, poles[0] + 0.1 * r)]
         # The remainder elsewhere must be exactly that term, from the measured path.
@@ -241,8 +255,13 @@ def gyroscopic_term_always_there(result):
     result.statement_holds(
         all(term(cube, omega) > 0 for _, omega in draws),
         only_if="omega is not along a principal axis",
-        inside=[term(*draw) > 0 for draw in draws],
-        outside=[term(m, a * w) > 0 for m, w in draws[:5] for a in axes],
+        inside=[term(*draw) > 0 for draw in draws]
+        # Chosen to break it: two equal moments, and turns that are almost about an axis.
+        + [term(m[[0, 0, 2]], w) > 0 for m, w in draws[:10]]
+        + [term(m, a + 1e-6 * w) > 0 for m, w in draws[:3] for a in axes],
+        # Of a disc every diameter is a principal axis, of a cube every line.
+        outside=[term(m, a * w) > 0 for m, w in draws[:5] for a in axes]
+        + [term(m[[0, 0, 2]], w * [1.0, 1.0, 0.0]) > 0 for m, w in draws[:5]],
     )
     result.correction_holds(
         max(term(cube, omega) for _, omega in draws) == 0,
@@ -362,7 +381,13 @@ def free_body_keeps_angular_velocity(result):
     result.statement_holds(
         wander < 1e-6,
         only_if="it turns about a principal axis",
-        inside=[keeps(axis, 0.0) for axis in (0, 1, 2) for _ in range(5)],
+        inside=[keeps(axis, 0.0) for axis in (0, 1, 2) for _ in range(5)]
+        # Chosen to break it: discs about any diameter, and cubes about any axis.
+        + [
+            _wander(*_path([2.0, 2.0, third], spin * [1.0, 1.0, float(third == 2.0)])) < 1e-4
+            for third in (1.0, 2.0, 3.9)
+            for spin in result.rng.normal(size=(3, 3))
+        ],
         outside=[keeps(axis, 0.1) for axis in (0, 1, 2) for _ in range(5)],
     )
     result.correction_holds(wander > 1, drift < 1e-9, np.ptp(np.linalg.norm(run.v, axis=1)) > 0.01)
@@ -417,7 +442,9 @@ def wobble_comes_from_the_term(result):
     result.statement_holds(
         wander < 1,
         only_if="the equation is written in the body's frame",
-        inside=[wobbles_by_the_term(*body) for body in bodies],
+        inside=[wobbles_by_the_term(*body) for body in bodies]
+        # Chosen to break it: bodies with two equal moments.
+        + [wobbles_by_the_term(m[[0, 0, 2]], w) for m, w in bodies[:3]],
         outside=[stops_without_it(*body) for body in bodies],
     )
     result.correction_holds(
@@ -545,7 +572,8 @@ def gyroscopic_term_is_negligible(result):
         rates *= np.sqrt(size) / np.linalg.norm(rates) / seconds
         return _without_term(body, rates, seconds) < allowed
 
-    # The largest term: two equal moments, the spin halfway between an equal axis and the third.
+    # Chosen to break it: the largest term, two equal moments and the spin halfway between an equal
+    # axis and the third.
     worst = [
         _without_term([1.0, 1.0, 1.0 + spread], np.sqrt(0.5 * small / spread) * axis, 1.0) < allowed
         for spread in (0.01, 0.05, 0.2, 0.5, 1.0)
