@@ -598,9 +598,9 @@ def every_recording_identifies(result):
         scene = differentiable.Setup((0.0, 0.0), velocity)
         return np.abs(differentiable.jacobian((0.7, 0.3, 1.0), scene, [0.1])[2:, 0, 1]).max()
 
-    def report(share):
+    def report(share, low=0.2, high=1.5):
         """Return whether a thrown block shows both, its slip a share of what the impact stops."""
-        e, friction, height = result.rng.uniform((0.3, 0.05, 0.2), (0.9, 0.8, 1.5))
+        e, friction, height = result.rng.uniform((0.3, 0.05, low), (0.9, 0.8, high))
         # Coulomb's bound mu (1 + e) v_n on the slip that an impact can stop; a share above 1
         # slides.
         stopped = friction * (1 + e) * np.sqrt(2 * problems.STANDARD_GRAVITY * height)
@@ -628,9 +628,13 @@ def every_recording_identifies(result):
     )
     result.statement_holds(
         drop > 0 and sticking > 0,
-        only_if="the point of contact slides and the body bounces in it",
+        only_if="the body bounces during the recording, and its point of contact still slides when "
+        "the impact ends",
         inside=[report(share) for share in result.rng.uniform(1.02, 2.0, 10)],
-        outside=[report(share) for share in result.rng.uniform(0.5, 0.98, 10)],
+        # Below a share of 1 the point slides at first, too, and sticks before the impact ends.
+        outside=[report(share) for share in result.rng.uniform(0.5, 0.98, 10)]
+        # Chosen to break it: an impact that comes after the last sample.
+        + [report(share, 20.0, 30.0) for share in result.rng.uniform(1.02, 2.0, 3)],
     )
     # Exactly zero: where nothing slides, the coefficient is not in the computation's result.
     result.correction_holds(drop == 0.0, sticking == 0.0, shows(0.0) == 0.0, tilted > 1.0)

@@ -525,17 +525,20 @@ def mujoco_implicitfast_gyroscopic(result):
             'energy="enable"',
         )
         data.qvel[-3:] = spin
+        # The centre of mass stays where it is; the joint's own velocity is that of the frame.
+        data.qvel[:3] -= np.cross(spin, np.array(centre.split(), dtype=float)) * (model.nv > 3)
         mujoco.mj_forward(model, data)
         start = data.energy[1]
         mujoco.mj_step(model, data, 2000)
         mujoco.mj_forward(model, data)
         return data.energy[1] / start
 
-    # Chosen to break it: a centre of mass aside, a part without a joint, an arm elsewhere.
+    # Chosen to break it: a centre of mass aside, a part without a joint, a second body.
     aside = {"centre": ".5 .2 -.3"}
     welded = {"more": part.replace('<joint type="slide" axis="1 0 0"/>', "")}
-    elsewhere = {"elsewhere": part.replace("<body>", '<body pos="9 0 0">')}
-    hostile = [scene(m, spin, **x) for m, spin in bodies[:3] for x in (aside, welded, elsewhere)]
+    second = {"elsewhere": '<body pos="9 0 0"><freejoint/><geom size=".1"/></body>'}
+    hostile = [scene(m, spin, **x) for m, spin in bodies[:3] for x in (aside, welded)]
+    hostile += [scene(m, spin, **second) for m, spin in bodies[:3]]
     # Chosen to break it: the same bodies turn as freely on a ball joint.
     on_ball = [scene(m, spin, '<joint type="ball"/>') for m, spin in bodies]
     result.statement_holds(

@@ -347,7 +347,9 @@ def top_condition(result):
     result.statement_holds(
         below < 0.05,
         only_if="(I3 omega)^2 > 4 I1 m g l, with omega the spin",
-        inside=[tilt(i, ratio, 1 + margin) < 0.05 for i, ratio, margin in draws],
+        inside=[tilt(i, ratio, 1 + margin) < 0.05 for i, ratio, margin in draws]
+        # Chosen to break it: spins that are hardly above the critical one.
+        + [tilt(i, ratio, 1.001) < 0.05 for i, ratio, _ in draws[:4]],
         outside=[tilt(i, ratio, 1 - margin) < 0.05 for i, ratio, margin in draws],
     )
     result.correction_holds(above < 0.05, below > 0.2)
