@@ -513,17 +513,20 @@ def epa_gives_the_contact(result):
 
 @claim(
     "A circle test returns the depth and the normal of two circles that overlap.",
-    "The usual listing divides by the distance of the centres. If that is 0, it returns no "
-    "contact at all, although the overlap is as deep as it can be: {depth_m:g} m here. Any "
+    "The usual listing divides by the distance of the centres. If that is 0, or no more than the "
+    "listing's limit of {limit_m:.0e} m, it returns no contact at all, although the overlap is as "
+    "deep as it can be: {depth_m:g} m here. If it is 0, any "
     "direction is then a correct normal, and the code has to choose one.",
 )
 def circle_test_concentric(result):
     from course import contact
 
+    limit = result.input("limit_m", 1e-8)
+
     def listing(p1, r1, p2, r2):
         diff = p2 - p1
         dist = np.linalg.norm(diff)
-        if dist < r1 + r2 and dist > 1e-8:
+        if dist < r1 + r2 and dist > limit:
             return (r1 + r2) - dist, diff / dist
         return 0, np.zeros(2)
 
@@ -550,11 +553,20 @@ def circle_test_concentric(result):
     radii = result.rng.uniform(0.3, 1.0, (8, 2))
     turns = result.rng.uniform(0.0, 2.0 * np.pi, 8)
     offsets = result.rng.uniform(0.01, 0.5, (8, 1)) * np.stack((np.cos(turns), np.sin(turns)), 1)
+    # Chosen to break it: centres that are almost at the same point, on either side of the limit.
+    near = (
+        limit
+        * result.rng.uniform(0.1, 0.99, 8)[:, None]
+        * np.stack((np.cos(turns), np.sin(turns)), 1)
+    )
+    beyond = near * 10 ** result.rng.uniform(1.1, 4.0, (8, 1))
     result.statement_holds(
         depth > 0,
-        only_if="the centres are not at the same point",
-        inside=[right(p, *pair) for p, pair in zip(offsets, radii, strict=True)],
-        outside=[right(np.zeros(2), *pair) for pair in radii],
+        only_if="the centres are farther apart than the listing's limit, {limit_m:.0e} m",
+        inside=[right(p, *pair) for p, pair in zip(offsets, radii, strict=True)]
+        + [right(p, *pair) for p, pair in zip(beyond, radii, strict=True)],
+        outside=[right(np.zeros(2), *pair) for pair in radii]
+        + [right(p, *pair) for p, pair in zip(near, radii, strict=True)],
     )
     result.correction_holds(
         bool(np.allclose(np.maximum(0.0, np.negative(ours)), theirs, atol=1e-12)),
