@@ -189,6 +189,16 @@ def dbscan_separates(result):
         x = x[:, np.abs(x[0] - half - eps) > 0.5 * hidden]
         return dbscan(voxel_mean(x, eps / 3)[0], eps, 10)[0].max() + 1
 
+    def corner(width, gap, turn, voxel):
+        """Return the clusters of three small faces around a corner."""
+        x = result.rng.uniform(-0.5 * width, 0.5 * width, (3, 9000)) * [[1], [1], [0]]
+        group = np.arange(9000) % 3
+        x[0] += np.where(group == 1, width + gap, 0.0)
+        x[1] += np.where(group == 2, width + gap, 0.0)
+        c, s = np.cos(turn), np.sin(turn)
+        means, _ = voxel_mean(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ x, voxel)
+        return dbscan(means, eps, 10)[0].max() + 1
+
     joined = result.measure("joined", clusters(result.input("gap_mm", 12) / 1000))
     draws = result.rng.uniform((0, 0), (1, np.pi), (12, 2))
     result.statement = "Two faces of 60 mm at random turns, on voxels of 4 mm."
@@ -198,7 +208,9 @@ def dbscan_separates(result):
         "than eps, dense with points and in one piece: a thin rod or a small part has too few "
         "neighbours, and something in front cuts a part in two",
         # Gaps from just above eps, at random turns and voxel sizes.
-        inside=[clusters(eps * (1.001 + x), t, eps / (3 + x)) == 2 for x, t in draws],
+        inside=[clusters(eps * (1.001 + x), t, eps / (3 + x)) == 2 for x, t in draws]
+        # Chosen to break it: three parts around a corner, barely wider than eps, barely apart.
+        + [corner(1.02 * eps, 1.01 * eps, t, eps / (3 + 2 * x)) == 3 for x, t in draws],
         outside=[
             *(clusters(eps * 0.75 * x, t) == 2 for x, t in draws),
             *(clusters(2 * eps, t, eps * (0.7 + x)) == 2 for x, t in draws),

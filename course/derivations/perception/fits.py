@@ -47,6 +47,26 @@ def kabsch_without_determinant(result):
         # U V^T is a mirror image if the covariance has a negative determinant.
         return np.mean(np.linalg.det(d @ c.transpose(0, 2, 1)) < 0)
 
+    def odd(spread, error, count=12, runs=4000):
+        """Return the share of mirror images for a plate with other points or other noise."""
+        a = result.rng.uniform(-1.7, 1.7, (runs, 3, count))
+        a[:, 2] = 0.1 * least * spread((runs, count))
+        b = a + 0.1 * error(a.shape)
+        c, d = (x - x.mean(axis=2, keepdims=True) for x in (a, b))
+        return np.mean(np.linalg.det(d @ c.transpose(0, 2, 1)) < 0)
+
+    def ends(size):
+        return result.rng.choice([-1.0, 1.0], size)
+
+    def single(size):
+        """Return heights of which only one differs, with a standard deviation of 1."""
+        return np.where(np.arange(size[1]) == 0, size[1] / np.sqrt(size[1] - 1), 0.0) * np.ones(
+            size
+        )
+
+    def tails(size):
+        return result.rng.standard_t(4, size) / np.sqrt(2.0)
+
     flat = result.measure("flat", fits(result.input("thin", 0.1), 400)[0], 0.15)
     least = result.input("least", 2)
     draws = result.rng.uniform(0, 1, (2, 10))
@@ -58,7 +78,10 @@ def kabsch_without_determinant(result):
         "thousand is mirrored",
         inside=[mirrored(least * (1 + x), int(12 + 20 * x), 2, 2000) < 1e-3 for x in draws[0]]
         # At the edge of the condition: a flat plate, a rod and a ball.
-        + [mirrored(least, 12, axes) < 1e-3 for axes in ([2], [1, 2], [0, 1, 2])],
+        + [mirrored(least, 12, axes) < 1e-3 for axes in ([2], [1, 2], [0, 1, 2])]
+        # Chosen to break it: heights of two values, or of one point only, and heavy tails.
+        + [odd(spread, result.rng.standard_normal) < 1e-3 for spread in (ends, single)]
+        + [odd(ends, tails) < 1e-3],
         outside=[
             *(fits(0.1 * least * x)[0] == 0 for x in draws[1]),
             *(fits(least * (1 + x), 25, 4)[0] == 0 for x in draws[1]),

@@ -62,18 +62,29 @@ def tutorial_runs(result):
     bare.points = o3d.utility.Vector3dVector(spots)
     table = str(Path(folder.name) / "table.ply")
     o3d.io.write_point_cloud(table, bare)
+
+    def with_part(height):
+        """Return a file of this table with a square part on it, so high [m]."""
+        points = spots.copy()
+        points[np.abs(points[:, :2]).max(axis=1) < 0.1, 2] = height
+        some, file = o3d.geometry.PointCloud(), str(Path(folder.name) / f"part_{height}.ply")
+        some.points = o3d.utility.Vector3dVector(points)
+        o3d.io.write_point_cloud(file, some)
+        return file
+
     empty = str(Path(folder.name) / "none.pcd")  # a reader that says nothing by itself
     result.measure("empty", len(o3d.io.read_point_cloud(empty).points))
     result.statement = "The steps with the tutorial's numbers, with a file and without."
     result.statement_holds(
         fails(other),
-        only_if="the image was converted to a file of points first, and not all of them are in one "
-        "plane",
-        inside=[count == boxes],
-        outside=[not fails(empty), not fails(table)],
+        only_if="the image was converted to a file of points first, and not all of them are within "
+        "the plane's tolerance of one plane",
+        inside=[count == boxes, not fails(with_part(0.05))],
+        # Chosen to break it: a part that is lower than the plane's tolerance of 10 mm.
+        outside=[not fails(empty), not fails(table), not fails(with_part(0.005))],
         cases=True,
     )
-    result.correction_holds(count == boxes, fails(empty), fails(table))
+    result.correction_holds(count == boxes, fails(empty), fails(table), fails(with_part(0.005)))
 
 
 @claim(
@@ -134,6 +145,20 @@ def ransac_takes_the_table(result):
         pixels = np.bincount(ids[ids >= 0].ravel())
         return abs(plane[:3] @ TABLE[:3] + plane[3]) < 0.02, pixels[1:].max() / pixels[0]
 
+    def stairs(height):
+        """Return whether five steps leave the table the plane, and the largest one's share."""
+        things = [shape("plane").moved(TABLE)]
+        for k in range(1, 5):
+            half = 0.5 * k * height
+            at = TABLE[:3] + rotate(TABLE[3:], np.array([0.0, 0.1 * k - 0.2, half]))
+            things.append(shape("box", 0.5, 0.05, half).moved(np.append(at, TABLE[3:])))
+        depth, ids = render(together(things), EYE)
+        points, _ = back_project(sense(depth, EYE, SENSOR, result.rng), EYE)
+        plane, _, _ = ransac_plane(points, 0.006, result.rng)
+        up = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
+        pixels = np.bincount(ids[ids >= 0].ravel())
+        return abs(plane[:3] @ up) > np.cos(0.005), pixels[1:].max() / pixels[0]
+
     # Boards clearly smaller and slightly larger than the visible table.
     small = [table_found(x) for x in result.rng.uniform(0.03, 0.15, 8)]
     large = [table_found(x) for x in result.rng.uniform(0.27, 0.3, 8)]
@@ -145,10 +170,17 @@ def ransac_takes_the_table(result):
     result.statement = "Square boards of 60 to 600 mm, 100 mm high, and low plates, on a table."
     result.statement_holds(
         all(ok for ok, _ in large),
-        only_if="nothing flat, and no parts of one height together, show more than the table, or "
-        "as much and only a few tolerances higher",
-        inside=[ok for ok, _ in small],
-        outside=[ok for ok, _ in large] + [ok for _, _, ok in plates] + [ok for ok, _ in crowds],
+        only_if="no other plane has as many points within the tolerance as the table: not that of "
+        "a large part or of many equally high parts, and no slanted one through the table and low "
+        "plates or steps",
+        inside=[ok for ok, _ in small]
+        # Chosen to break it: the same plates, too high for a slanted plane.
+        + [slant(x, 0.006 * 6)[2] for x in (0.1, 0.25)],
+        outside=[ok for ok, _ in large]
+        + [ok for _, _, ok in plates]
+        + [ok for ok, _ in crowds]
+        # A plate and steps of which each shows less than the table.
+        + [slant(0.1, 0.015)[2], stairs(0.012)[0]],
     )
     result.correction_holds(
         tilt > 0.5,
@@ -284,7 +316,7 @@ def two_millimetres_will_do(result):
     width, error = 0.05, result.input("error_mm", 2) / 1000
     play, turn = result.input("play", 2.5) / 1000, np.radians(result.input("turn_deg", 2))
 
-    def gap(finger, shift=error, angle=turn):
+    def gap(finger, shift=error, angle=turn, width=width, play=play):
         """Return the least distance of a finger from the turned part, of one on each side."""
         part, tool = box((0.1, 0.5 * width)), box((0.5 * finger, 0.01))
         far = 0.5 * width + play + 0.01
@@ -303,13 +335,26 @@ def two_millimetres_will_do(result):
     largest = (play - error - width * (1 / np.cos(turn) - 1) / 2) * 2 / np.tan(turn)
     narrow, wide = result.measure("narrow", 700 * largest), result.measure("wide", 1300 * largest)
     draws = result.rng.uniform(0, 1, (2, 8))
+
+    def drawn(share):
+        """Return whether random fingers, parts, errors and turns leave a share of the law free."""
+        finger, some = result.rng.uniform((0.001, 0.005), (0.04, 0.1))
+        shift, angle = result.rng.uniform((-0.006, -0.35), (0.006, 0.35))
+        used = law(some, finger, abs(shift), abs(angle))
+        return gap(finger, shift, angle, some, share * used) > 0
+
     result.statement = "Chapter 2's distances between a turned part and two fingers."
     result.statement_holds(
         gap(wide / 1000) > 0,
-        only_if="the gap on each side is wider than the error, and the fingers are narrow",
-        inside=[gap(0.98 * x * largest) > 0 for x in draws[0]],
+        only_if="the gap on each side is wider than the error and what the turn costs: more for "
+        "wide fingers, and in a large turn too much even for narrow ones",
+        inside=[gap(0.98 * x * largest) > 0 for x in draws[0]]
+        # Chosen to break it: turns and errors of both signs, other parts, gaps just wide enough.
+        + [drawn(1.02) for _ in range(16)],
         outside=[gap((1.02 + x) * largest) > 0 for x in draws[1]]
-        + [gap(0.1 * largest, (1.05 + x) * play) > 0 for x in draws[1][:4]],
+        + [gap(0.1 * largest, (1.05 + x) * play) > 0 for x in draws[1][:4]]
+        # Needles as fingers, and a part that is turned by 15 degrees.
+        + [drawn(0.98), gap(1e-4, error, 0.26) > 0],
     )
     result.correction_holds(
         gap(narrow / 1000) > 0 > gap(wide / 1000),

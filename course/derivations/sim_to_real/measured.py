@@ -53,8 +53,9 @@ def measured_or_randomised(result):
     result.measure("known_near", success("known", 2, near), 0.03)
     result.measure("wide_near", success("range", 10, near), 0.03)
 
-    def better(k, seed):
-        rates = (success(kind, i, k / 10, seed=seed) for kind, i in (("known", k), ("range", 10)))
+    def better(k, seed, delay=0.01):
+        pairs = (("known", k), ("range", 10))
+        rates = (success(kind, i, k / 10, delay, seed) for kind, i in pairs)
         return float(np.subtract(*rates)) > 0.02
 
     one = result.measure("one", after_mending("delay", 1.0, 0.01), 0.1)
@@ -70,7 +71,12 @@ def measured_or_randomised(result):
         only_if="the load, which costs most here, is among the measured parameters, and the gap is "
         "{far} or wider",
         # All parameters, and at gap 1 the load alone.
-        inside=[*inside, after_mending("load", 1.0, 0.01, (0,)) > wide + 0.02],
+        inside=[
+            *inside,
+            after_mending("load", 1.0, 0.01, (0,)) > wide + 0.02,
+            # Chosen to break it: no delay, and twice the one that the gains were tuned for.
+            *(better(k, 1, late) for k in (6, 8, 10) for late in (0.0, 0.02)),
+        ],
         outside=[*outside, one > wide],
     )
     result.correction_holds(known > wide + 0.2, wide > empty, wide > one + 0.1)
@@ -166,7 +172,8 @@ def late_command(result):
         all(outside),
         only_if="the delay exceeds the delay margin of the whole loop, no dry friction holds the "
         "joint, and the motors are not yet at their torque limit",
-        inside=inside,
+        # Chosen to break it: delays far beyond the margin, after which the loop might recover.
+        inside=inside + [drawn(x) for x in (1.3, 2.0, 3.0) for _ in range(3)],
         outside=outside + stuck,
     )
     result.correction_holds(
@@ -189,9 +196,9 @@ def fitted(seed=0, **changed):
     "A fitted parameter is almost never wrong by more than twice the half-width of its 95 % "
     "confidence interval.",
     "The interval is computed from the slopes and assumes that the model is right and the noise "
-    "white. Then only about one parameter in {one_in:,.0f} lies outside by chance. With {friction} "
-    "N m of dry friction in the arm and none in the model the worst parameter is {wrong:.1%} "
-    "wrong, although the fit claims {claimed:.2%}.",
+    "white and zero on average. Then only about one parameter in {one_in:,.0f} lies outside by "
+    "chance. With {friction} N m of dry friction in the arm and none in the model the worst "
+    "parameter is {wrong:.1%} wrong, although the fit claims {claimed:.2%}.",
 )
 def believed_error_bar(result):
     from course.charts.sim_to_real.logs import FREE, GUESS, TRUTH, record
@@ -222,6 +229,22 @@ def believed_error_bar(result):
         deviation = np.abs(one.value - np.array(list(TRUTH.values())))
         return bool(np.all(deviation < 2.0 * one.half_width()))
 
+    def other_noise(kind, seed):
+        """Return whether two half-widths hold for independent noise of another kind."""
+        log, rng = record(seed=seed, noise=0.0), np.random.default_rng(seed)
+        error = 1e-3 * rng.standard_normal(log.measured.shape)
+        speed = np.abs(np.gradient(log.measured, axis=1))
+        error = {
+            "grows with the speed": error * (speed / np.sqrt(np.mean(speed**2))) ** 2,
+            "of one joint": error * [[1.0], [20.0]],
+            "outliers": error + 0.5 * (rng.random(error.shape) < 0.01) * error / 1e-3,
+            "large": 100.0 * error,
+            "offset": error + 1e-3,
+        }[kind]
+        one = fit(arm, Log(log.times, log.measured + error, log.command), GUESS, FREE)
+        deviation = np.abs(one.value - np.array(list(TRUTH.values())))
+        return bool(np.all(deviation < 2.0 * one.half_width()))
+
     # Both sides of a normal distribution beyond 2 x 1.96 standard deviations.
     result.measure("one_in", 1.0 / math.erfc(2.0 * 1.96 / math.sqrt(2.0)))
     strength = np.sqrt((record().command ** 2).sum(axis=0).mean())
@@ -241,15 +264,23 @@ def believed_error_bar(result):
     result.statement_holds(
         within(1, friction),
         only_if="the model has every effect that the robot has, the time stamps are right, and the "
-        "noise of each sample is independent of the others",
+        "noise of each sample is independent of the others and zero on average",
         inside=[
             within(seed, 0.0, kind)
             for seed in range(3)
             for kind in ("two sines", "steps", "one slow joint")
+        ]
+        # Chosen to break it: noise of unequal size, outliers, noise of a hundred times the size.
+        + [
+            other_noise(kind, seed)
+            for kind in ("grows with the speed", "of one joint", "outliers", "large")
+            for seed in (0, 1)
         ],
         # Dry friction from 3 mN m on, which the model does not have.
         outside=[within(seed, x) for seed, x in enumerate(result.rng.uniform(0.003, 0.1, 8))]
-        + [disturbed(1), disturbed(1, late=1)],
+        + [disturbed(1), disturbed(1, late=1)]
+        # An offset of one encoder step is no smaller in the mean of many samples.
+        + [other_noise("offset", 0)],
     )
     result.correction_holds(
         wrong > 10.0 * claimed, rough.white < 1e-6, not disturbed(2), not disturbed(2, late=1)
@@ -442,7 +473,9 @@ def friction_wrong_both_ways(result):
         only_if="the assumed friction is off by more than the margin and the boxes' spread of mass "
         "cover",
         # The margin is 1.2: errors from 35 % on exceed it, errors up to 12 % don't.
-        inside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.35, 3.0, 8)],
+        inside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.35, 3.0, 8)]
+        # Chosen to break it: slippery and rough pads, barely beyond the margin.
+        + [used(1.3 * x, x)[1] == 0 for x in (0.2, 1.5)],
         # Barely beyond the margin the lighter boxes are still held.
         outside=[
             used(x * little, little)[1] == 0
@@ -532,7 +565,11 @@ def camera_off(result):
         only_if="the camera is off by more than the free width on one side of the jaw, or the grip "
         "is too weak to push the box to the middle",
         # 2 mm on both sides of each jaw's free width.
-        inside=[misses(w + 0.002, w) for w in jaws] + [misses(1e-3 * (weak + 2), lab=pads)],
+        inside=[misses(w + 0.002, w) for w in jaws]
+        + [misses(1e-3 * (weak + 2), lab=pads)]
+        # Chosen to break it: to the other side, onto a finger, and with the box outside the jaw.
+        + [misses(-jaws[0] - 0.002, jaws[0])]
+        + [misses(jaws[0] + x, jaws[0]) for x in (0.01, 0.03, 0.08)],
         outside=[misses(w - 0.002, w) for w in jaws],
     )
     result.correction_holds(abs(largest / free - 1.0) < 0.05, weak < 0.7 * free)

@@ -149,6 +149,29 @@ def mass_without_set_const(result):
         mujoco.mj_forward(model, data)
         return data.qacc.copy()
 
+    def bound(factor, recompute, elbow=-0.5, joined=False):
+        """Return accelerations with a limit of the elbow, or with both joints' angles equal."""
+        xml = _ARM.format(damping='kv="2"')
+        if joined:
+            both = '<equality><joint joint1="shoulder" joint2="elbow"/></equality></mujoco>'
+            xml = xml.replace("</mujoco>", both)
+        else:
+            xml = xml.replace('name="elbow"', 'name="elbow" range="-0.2 0.2"')
+        model = _scaled(mujoco.MjModel.from_xml_string(xml), factor, recompute=recompute)
+        data = mujoco.MjData(model)
+        data.qpos[:] = 0.4, elbow
+        mujoco.mj_forward(model, data)
+        return data.qacc.copy()
+
+    def equal(factor, recompute):
+        return bound(factor, recompute, joined=True)
+
+    def inactive(factor, recompute):
+        return bound(factor, recompute, elbow=-0.1)
+
+    def slipping(factor, recompute):
+        return free(factor, recompute, 0.05)
+
     def stated(factor, recompute):
         return pulled(factor, recompute, 50.0)
 
@@ -181,13 +204,16 @@ def mass_without_set_const(result):
         change > 1e-6,
         only_if="a constraint acts (a contact, a limit, an equality, or dry friction that holds), "
         "or a muscle whose force MuJoCo scales by acc0",
-        # Three kinds of constraint: a contact, dry friction that holds, and a muscle scaled by
-        # acc0.
+        # Each kind of constraint: a contact, dry friction that holds, a limit, an equality; and a
+        # muscle scaled by acc0.
         inside=[moved(depth, x) > 0.1 for x in factors]
         + [moved(stuck, x) > 1e-3 for x in factors]
-        + [moved(pulled, x) > 1e-3 for x in factors],
+        + [moved(pulled, x) > 1e-3 for x in factors]
+        + [moved(one, x) > 1e-3 for one in (bound, equal) for x in factors],
         outside=[moved(free, x) > 1e-6 for x in factors]
-        + [moved(stated, x) > 1e-6 for x in factors],
+        + [moved(stated, x) > 1e-6 for x in factors]
+        # Chosen to break it: a limit that is not reached, and dry friction that slips.
+        + [moved(one, x) > 1e-6 for one in (inactive, slipping) for x in factors],
     )
     result.correction_holds(
         change < 1e-9,
@@ -284,15 +310,28 @@ def set_const_compiles(result):
     stated, _ = hung('springlength="0.5"', down)
     result.measure("rest_mm", 1000.0 * abs(rests[0] - rests[1]), 1e-6)
     depths = result.rng.uniform(0.05, 0.3, 4)
+
+    def thicker(size):
+        """Return the arrays that differ after a change of a capsule whose mass is stated."""
+        xml = _ARM.format(damping=given)
+        stale = mujoco.MjModel.from_xml_string(xml)
+        stale.geom_size[1, 0] = size
+        mujoco.mj_setConst(stale, mujoco.MjData(stale))
+        anew = xml.replace('size="0.04"', f'size="{size:.17g}"')
+        return different(stale, mujoco.MjModel.from_xml_string(anew))
+
     result.statement_holds(
         same(derived, 4.0),
-        only_if="no damping is stated as a ratio, an actuator's or a joint's, and no tendon with a "
-        "spring leaves its length to the compiler",
+        only_if="no damping is stated as a ratio, an actuator's or a joint's, no tendon with a "
+        "spring leaves its length to the compiler, and no shape is changed from which it computes "
+        "an inertia",
         inside=[same(given, x) for x in factors]
         + [not hung('springlength="0.5"', x)[0] for x in depths],
         outside=[same(derived, x) for x in factors]
         + [joint[0][0] == joint[1][0]]
-        + [not hung("", x)[0] for x in depths],
+        + [not hung("", x)[0] for x in depths]
+        # Chosen to break it: a thicker link, whose inertia only the compiler computes.
+        + [not thicker(0.06)],
     )
     result.correction_holds(
         worst < 1e-12,
@@ -321,9 +360,10 @@ def mass_and_period(result):
         'mass="1"/></body></worldbody></mujoco>'
     )
 
-    def period(mass, inertia, armature=0.0):
-        model = mujoco.MjModel.from_xml_string(xml)
-        model.dof_armature[:] = armature
+    def period(mass, inertia, armature=0.0, stiffness=0.0, dry=0.0, text=xml):
+        model = mujoco.MjModel.from_xml_string(text)
+        model.dof_armature[:], model.jnt_stiffness[:] = armature, stiffness
+        model.dof_frictionloss[:] = dry
         return swing_period(_scaled(model, mass, inertia), "hinge", 0.5)
 
     plain = period(1.0, 1.0)
@@ -339,14 +379,25 @@ def mass_and_period(result):
         "without."
     )
     factors = result.rng.uniform(1.5, 3.0, 8).tolist()
-    rotor = 0.05  # kg m^2, beside the rod's 0.12 about the hinge
+    rotor = 0.05  # kg m^2, compared with the rod's 0.12 about the hinge
+    # A small ball on a long rod without mass: almost all of its inertia is m l^2.
+    ball = xml[: xml.index("<geom")] + '<geom size="0.01" pos="0 0 -1" mass="1"/>'
+    ball += xml[xml.index("</body>") :]
+    single = period(1.0, 1.0, text=ball)
+    sprung, rubbed = (
+        period(2.0, 2.0, 0.0, *x) / period(1.0, 1.0, 0.0, *x) for x in ((3.0,), (0.0, 0.02))
+    )
     result.statement_holds(
         abs(scaled - 1.0) > 1e-3,
-        only_if="the inertia isn't scaled with the mass, or something else doesn't scale with "
-        "them, such as the armature of a motor",
+        only_if="the inertia isn't scaled with the mass and isn't negligible compared with m l^2, "
+        "or something else stays as it is, such as a motor's armature, a spring or dry friction",
         inside=[abs(period(x, 1.0) / plain - 1.0) > 1e-3 for x in factors]
-        + [abs(period(2.0, 2.0, rotor) / period(1.0, 1.0, rotor) - 1.0) > 1e-3],
-        outside=[abs(period(x, x) / plain - 1.0) > 1e-3 for x in factors],
+        + [abs(period(2.0, 2.0, rotor) / period(1.0, 1.0, rotor) - 1.0) > 1e-3]
+        # Chosen to break it: a spring, and dry friction, which only makes the swings smaller.
+        + [abs(x - 1.0) > 1e-3 for x in (sprung, rubbed)],
+        outside=[abs(period(x, x) / plain - 1.0) > 1e-3 for x in factors]
+        # Chosen to break it: a ball on a long rod.
+        + [abs(period(x, 1.0, text=ball) / single - 1.0) > 1e-3 for x in factors[:2]],
     )
     result.correction_holds(
         abs(scaled - 1.0) < 1e-6, abs(other / plain - 1.0) < 1e-6, abs(alone - expected) < 1e-4
@@ -382,6 +433,8 @@ def _contact(model):
     "or sample the damping itself.",
 )
 def scaled_damping(result):
+    import mujoco
+
     model = _arm()
 
     def spread(damping):
@@ -397,14 +450,24 @@ def scaled_damping(result):
         f"Standard deviation over 200 draws: {damped:.3f} and {zero:g} N m s/rad by factors, "
         f"{added:.3f} where the draw is added."
     )
+    # MuJoCo's damping is a polynomial in the speed; dof_damping is only its first coefficient.
+    text = _ARM.format(damping='kv="2"').replace('damping="0.2"', 'damping="0 0.5"')
+    quadratic = mujoco.MjModel.from_xml_string(text)
     result.statement_holds(
         min(damped, zero) > 0.0,
-        only_if="the default damping is not zero",
+        only_if="the default damping is not zero, and is proportional to the speed",
         inside=[spread(d) > 0.0 for d in 10 ** result.rng.uniform(-3, 1, 8)],
         # Defaults of exactly zero, which no factor can spread.
-        outside=[spread(d) > 0.0 for d in np.zeros(8) * model.dof_damping[0]],
+        outside=[spread(d) > 0.0 for d in np.zeros(8) * model.dof_damping[0]]
+        # Chosen to break it: damping that grows with the square of the speed.
+        + [spread(quadratic.dof_damping[0]) > 0.0],
     )
-    result.correction_holds(zero == 0.0, model.dof_damping[1] == 0.0, added > 0.1)
+    result.correction_holds(
+        bool(np.any(quadratic.dof_dampingpoly[0] > 0.0)),
+        zero == 0.0,
+        model.dof_damping[1] == 0.0,
+        added > 0.1,
+    )
 
 
 @claim(
@@ -452,13 +515,35 @@ def one_geom_friction(result):
         model = mujoco.MjModel.from_xml_string(xml.replace("<geom name", '<geom condim="1" name'))
         return sliding_friction(model, "x", "z", speed=4.0)
 
+    def ruled():
+        """Return whether all of a contact's coefficients are those that the rule names."""
+        priority, condim = result.rng.integers(-2, 3, 2), result.rng.choice([3, 4, 6], 2)
+        given = result.rng.uniform(0.05, 1.5, (2, 3))
+        form = result.rng.choice(['sphere" size="0.05', 'capsule" size="0.05 0.1'])
+        text = [
+            f'condim="{condim[i]}" priority="{priority[i]}" friction="{a:.17g} {b:.17g} {c:.17g}"/>'
+            for i, (a, b, c) in enumerate(given)
+        ]
+        model = mujoco.MjModel.from_xml_string(
+            f'<mujoco><worldbody><geom type="plane" size="9 9 1" {text[0]}<body pos="0 0 0.04">'
+            f'<freejoint/><geom type="{form}" {text[1]}</body></worldbody></mujoco>'
+        )
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        # With equal priority the larger of each of the three coefficients.
+        equal = priority[0] == priority[1]
+        rule = given.max(axis=0) if equal else given[int(priority[1] > priority[0])]
+        return bool(np.allclose(data.contact.friction[0][[0, 2, 3]], rule))
+
     both = list(zip(low, high, strict=True))
     result.statement_holds(
         plain == sled,
         only_if="it is the larger of the two, or its geom has the higher priority, no pair in the "
         "model names both, contacts are not overridden by an option, and condim is 3 or more",
         inside=[_contact(_sled(x, y)) == y for x, y in both]
-        + [_contact(_sled(y, x, priority=1)) == x for x, y in both],
+        + [_contact(_sled(y, x, priority=1)) == x for x, y in both]
+        # Chosen to break it: other shapes, priorities of either sign, several kinds of contact.
+        + [ruled() for _ in range(24)],
         outside=[_contact(_sled(y, x)) == x for x, y in both]
         + [paired(x, y) == y for x, y in both]
         + [overridden(x, y) == y for x, y in both]
@@ -547,6 +632,15 @@ def friction_in_all_directions(result):
         f"{ellipse:.4f}; and at ten random angles."
     )
 
+    def crept(speed):
+        """Return the same as `braked`, over one step at a speed [m/s] along x."""
+        model = _sled(0.5, 0.5)
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, nstep=300)
+        data.qvel[0], rise = speed, data.qvel[2]
+        mujoco.mj_step(model, data)
+        return (speed - data.qvel[0]) / (9.81 * 0.001 + data.qvel[2] - rise) / 0.5
+
     def spun(rate):
         """Return what brakes a free block's centre that also spins [rad/s], over mu g."""
         axes = ("x", "y", "z")
@@ -567,12 +661,15 @@ def friction_in_all_directions(result):
     result.statement_holds(
         abs(diagonal - 1.0) < 1e-3,
         only_if="the friction cone is elliptic, no pair gives the two directions of sliding "
-        "different coefficients, and the block does not spin",
+        "different coefficients, the block does not spin, and it is not so slow that regularised "
+        "friction stays below its limit",
         inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles]
-        + [abs(braked("elliptic", a, turn=30.0 * a) - 1.0) < 1e-3 for a in angles[:4]],
+        + [abs(braked("elliptic", a, turn=30.0 * a) - 1.0) < 1e-3 for a in angles[:4]]
+        + [abs(crept(x) - 1.0) < 1e-3 for x in (0.3, 1.0)],
         outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles]
         + [abs(braked("elliptic", a, pair="0.5 0.25") - 1.0) < 1e-3 for a in angles[:4]]
-        + [abs(x - 1.0) < 0.1 for x in spins[1:]],
+        + [abs(x - 1.0) < 0.1 for x in spins[1:]]
+        + [abs(crept(x) - 1.0) < 0.1 for x in (0.001, 0.01)],
     )
     result.correction_holds(
         abs(diagonal - np.sqrt(0.5)) < 1e-3, abs(spins[0] - 1.0) < 0.05, max(spins[1:]) < 0.8
@@ -621,7 +718,8 @@ def factors_compound(result):
     "If the new action is appended first, as in most code, it is in the queue as well when the "
     "oldest is read: four slots delay by {lag_of_4_places:.0f} steps. A delay of k "
     "steps then needs k + 1 slots: put the action in, and take one out only when more than k are "
-    "waiting, as this course's randomiser and MuJoCo's own actuator delay do.",
+    "waiting, as this course's randomiser and MuJoCo's own actuator delay do. Put in a copy: a "
+    "caller that uses one array again for each action changes the waiting ones, too.",
 )
 def queue_of_k(result):
     from collections import deque
@@ -636,13 +734,15 @@ def queue_of_k(result):
         # White noise has a single sharp peak in the cross-correlation, at the delay.
         return np.argmax(np.correlate(np.ravel(received), sent, "full")) - (sent.size - 1)
 
-    def lag(places, read_first=False):
-        queue = deque([0.0] * places, maxlen=places)
+    def lag(places, read_first=False, reused=False, copied=False):
+        """Return the delay; with `reused` the caller writes each action into the same array."""
+        queue, array = deque([np.zeros(1)] * places, maxlen=places), np.zeros(1)
         received = []
         for action in sent:
-            oldest = queue[0]
-            queue.append(action)
-            received.append(oldest if read_first else queue[0])
+            array = array if reused else np.zeros(1)
+            array[0], oldest = action, queue[0]
+            queue.append(array.copy() if copied else array)
+            received.append(float((oldest if read_first else queue[0])[0]))
         return late(received)
 
     def ours(k):
@@ -662,9 +762,13 @@ def queue_of_k(result):
     slots = range(1, 12)
     result.statement_holds(
         lag(4) == 4,
-        only_if="the oldest action is read before the new one is appended",
-        inside=[lag(k, read_first=True) == k for k in slots],
-        outside=[lag(k) == k for k in slots],
+        only_if="the oldest action is read before the new one is appended, and the queue holds "
+        "copies if the caller uses one array again for each action",
+        inside=[lag(k, read_first=True) == k for k in slots]
+        # Chosen to break it: a caller that writes every action into the same array.
+        + [lag(k, read_first=True, reused=True, copied=True) == k for k in slots],
+        outside=[lag(k) == k for k in slots]
+        + [lag(k, read_first=True, reused=True) == k for k in slots],
     )
     result.correction_holds(
         all(lag(k) == k - 1 for k in range(1, 12)),

@@ -76,7 +76,13 @@ def telescoped_sum(result):
     "{single:.0f} of those with one. With a potential of 0 there it never changed.",
 )
 def shaping_keeps_the_best(result):
-    from course.sim_to_real import evaluate_policy, shaped, value_iteration
+    from course.sim_to_real import (
+        Process,
+        evaluate_policy,
+        policy_iteration,
+        shaped,
+        value_iteration,
+    )
 
     def retained(free_end, ends=2):
         process, phi = drawn(result.rng, ends), 5.0 * result.rng.normal(size=6)
@@ -96,11 +102,27 @@ def shaping_keeps_the_best(result):
     result.measure("free", n - sum(free), 0.0)
     single = result.measure("single", n - sum(retained(True, 1) for _ in range(n)), 0.0)
     unlike = [discounted(x) for x in result.rng.uniform(0.8, 0.9, n)]
+
+    def harder(gamma, ends):
+        """Return whether it holds for large potentials and moves that are certain."""
+        P = np.eye(6)[result.rng.integers(0, 6, (6, 3))]
+        last = np.arange(6) >= 6 - ends
+        P[last] = np.eye(6)[last][:, None]
+        # Rewards in tenths, so that several policies are equally good.
+        R = np.round(result.rng.normal(size=P.shape), 1) * ~last[:, None, None]
+        process = Process(P, R, gamma, last)
+        other = shaped(process, 100.0 * result.rng.normal(size=6))
+        values = evaluate_policy(process, policy_iteration(other).policy)
+        return bool(np.allclose(values, policy_iteration(process).value, atol=1e-7))
+
     result.statement = "Six states, two actions, solved exactly."
     result.statement_holds(
         all(free),
         only_if="the potential is 0 where an episode ends, and is discounted as the rewards are",
-        inside=zero + [discounted(0.95)],
+        inside=zero
+        + [discounted(0.95)]
+        # Chosen to break it: ties, certain moves, large potentials, one end to three.
+        + [harder(gamma, ends) for gamma in (0.3, 0.9, 0.999) for ends in (0, 1, 2, 3)],
         outside=free + unlike,
     )
     result.correction_holds(all(zero), sum(free) < 0.8 * n, single > 3, not all(unlike))
@@ -118,18 +140,20 @@ def time_is_an_end(result):
 
     n, steps = int(result.input("n", 40)), int(result.input("steps", 2))
 
-    def first(process, value):
-        """Return best first actions, with `steps` steps to go and this value of the last state."""
-        for _ in range(steps):
+    def first(process, value, count):
+        """Return best first actions, with `count` steps to go and this value of the last state."""
+        for _ in range(count):
             q = process.backup(value)
             value = q.max(axis=1)
         return q.argmax(axis=1)
 
-    def retained(valued, plain=False):
-        process, phi = drawn(result.rng), 5.0 * result.rng.normal(size=6)
+    def retained(valued, plain=False, count=steps, size=5.0, gamma=0.95):
+        process, phi = drawn(result.rng), size * result.rng.normal(size=6)
+        process = replace(process, gamma=gamma)
         used = process if plain else shaped(process, phi)
         last = [valued * value_iteration(p).value for p in (process, used)]
-        return bool(np.all(first(process, last[0]) == first(shaped(process, phi), last[1])))
+        after = first(shaped(process, phi), last[1], count)
+        return bool(np.all(first(process, last[0], count) == after))
 
     valued, cut = ([retained(x) for _ in range(n)] for x in (1.0, 0.0))
     result.measure("cut", n - sum(cut), 0.0)
@@ -139,7 +163,9 @@ def time_is_an_end(result):
     result.statement_holds(
         all(cut),
         only_if="the learner adds the value of the last state under the shaped reward",
-        inside=valued,
+        inside=valued
+        # Chosen to break it: other numbers of steps and discounts, large potentials.
+        + [retained(1.0, count=k, size=100.0, gamma=g) for k in (1, 5, 40) for g in (0.3, 0.9)],
         outside=cut + unshaped,
     )
     result.correction_holds(all(valued), sum(cut) < 0.8 * n, sum(unshaped) < 0.8 * n)
@@ -227,9 +253,10 @@ def q_of_shaped(result):
 
 @claim(
     "A constant penalty for each step is not potential-based shaping.",
-    "Without an end it is: phi = {formula} everywhere pays -c each step. Nor does it matter where "
-    "every way to the end is as long. Else the potential, 0 at the end, would have to tell how "
-    "many steps are still to come, which the action decides: a penalty can change what is best.",
+    "Without an end it is: phi = {formula} everywhere pays -c each step. Nor does it matter if, "
+    "from each state, all paths to the end have the same length. Otherwise the potential, 0 at the "
+    "end, would have to know how many steps are still to come, which the action decides: a penalty "
+    "can change what is best.",
     ask=(
         "In a task without terminal states, which constant potential adds a shaping reward of -c "
         "to every step?",
@@ -263,20 +290,37 @@ def step_penalty(result):
         P[-1, :, -1] = 1.0
         return Process(P, 0.0 * P, 0.95, np.arange(n) == n - 1)
 
+    def branching(n):
+        """Return what remains in a graph without loops, and the lengths of each state's paths."""
+        step = [result.rng.integers(s + 1, n, 2) if s % 3 else [s + 1] * 2 for s in range(n - 1)]
+        P, lengths = np.zeros((n, 2, n)), [set() for _ in range(n - 1)] + [{0}]
+        P[-1, :, -1] = 1.0
+        for s in range(n - 2, -1, -1):
+            P[s, [0, 1], step[s]] = 1.0
+            lengths[s] = {1 + size for end in step[s] for size in lengths[end]}
+        return remaining(Process(P, 0.0 * P, 0.95, np.arange(n) == n - 1)), lengths
+
     ended, endless = ([remaining(drawn(result.rng, e)) for _ in range(8)] for e in (1, 0))
     chains = [remaining(chain(n)) for n in result.rng.integers(3, 9, 8)]
     result.measure("least_left_with_an_end", min(ended), 0.01)
     result.statement = "The potential that comes closest, by least squares: drawn, and in chains."
-    inside, outside = ([x > 1e-9 for x in some] for some in (ended, endless + chains))
+    # Chosen to break it: graphs in which only some states have paths of several lengths, or none.
+    graphs = [branching(int(n)) for n in result.rng.integers(3, 10, 60)]
+    several = [x for x, lengths in graphs if max(map(len, lengths)) > 1]
+    single = [x for x, lengths in graphs if max(map(len, lengths)) == 1]
+    inside, outside = (
+        [x > 1e-9 for x in some] for some in (ended + several, endless + chains + single)
+    )
     result.statement_holds(
         all(outside),
-        only_if="episodes can end, and paths to the end differ in length",
+        only_if="episodes can end, and from some state paths of different length lead to the end",
         inside=inside,
         outside=outside,
     )
     result.correction_holds(
         max(endless) < 1e-9,
         max(chains) < 1e-9,
+        max(single) < 1e-9,
         float(result.formula.subs({gamma: 0.95, c: 1})) > 19.9,
     )
 
@@ -323,6 +367,17 @@ def gap_of_values(result):
     law = float(result.formula.subs({g: gamma, e: eps, R: 1}))
     share = result.measure("share", lost(gamma, eps) / bound)
     factor = result.measure("factor", lost(gamma, eps) * (1 - gamma) / eps)
+
+    def within(gamma):
+        """Return whether a random pair of worlds keeps the claimed bound, for a random policy."""
+        paid = np.repeat(result.rng.integers(0, 2, (4, 2, 1)).astype(float), 4, axis=2)
+        one, other = result.rng.dirichlet(np.full(4, 0.2), (2, 4, 2))
+        other = one + 10.0 ** result.rng.uniform(-3, 0) * (other - one)
+        apart = 0.5 * np.abs(one - other).sum(axis=2).max()
+        free, policy = np.zeros(4, dtype=bool), result.rng.integers(0, 2, 4)
+        a, b = (evaluate_policy(Process(P, paid, gamma, free), policy) for P in (one, other))
+        return bool(np.abs(a - b).max() * (1.0 - gamma) <= apart)
+
     result.statement = "Two states, a discount of 0.95 and a distance of 0.001; and drawn ones."
     low, high = result.rng.uniform(0.05, 0.5, 8), result.rng.uniform(0.51, 0.99, 8)
     # The same chain, paid for where a step leads, or fined where it ends up.
@@ -334,7 +389,9 @@ def gap_of_values(result):
         factor <= 1.0,
         only_if="the discount is a half or less, and rewards from 0 to R don't depend on the next "
         "state",
-        inside=[transfer_bound(x, eps) * (1 - x) <= eps for x in low],
+        inside=[transfer_bound(x, eps) * (1 - x) <= eps for x in low]
+        # Chosen to break it: worlds far apart, rewards of 0 and R only, a discount of a half.
+        + [within(x) for x in (*low, *(0.5 for _ in range(24)))],
         outside=[lost(x, eps) * (1 - x) <= eps for x in high]
         + [lost(x, eps, staying) * (1 - x) <= eps for x in low],
     )

@@ -90,6 +90,18 @@ def signals_of_different_kinds(result):
     alone = result.measure("angles_only", speeds(1e4), 0.01)
     result.measure("speeds_only", speeds(1e-4), 0.01)
 
+    def correlated(share, pairs):
+        """Return whether the plain fit is efficient if pairs of signals share their noise."""
+        _, slope = two_kinds()
+        noise = np.eye(4)
+        for i, j in pairs:
+            noise[i, j] = noise[j, i] = share
+        inverse = np.linalg.inv(np.einsum("ntp,ntq->pq", slope, slope))
+        middle = np.einsum("ntp,nm,mtq->pq", slope, noise, slope)
+        bound = np.einsum("ntp,nm,mtq->pq", slope, np.linalg.inv(noise), slope)
+        spread = np.diag(inverse @ middle @ inverse)
+        return bool(np.sqrt(spread / np.diag(np.linalg.inv(bound))).max() < 1.02)
+
     def efficient(ratio, size):
         """Return whether the plain fit is within 2 % of the bound for this ratio of the noises."""
         some = size * np.array([1.0, 1.0, ratio, ratio])
@@ -99,10 +111,12 @@ def signals_of_different_kinds(result):
     result.statement_holds(
         bool(predicted["plain"].max() < 1.02),
         only_if="the noise of all signals has the same standard deviation, as a number in the "
-        "units used",
+        "units used, and is independent",
         inside=[efficient(1.0, x) for x in 10.0 ** result.rng.uniform(-4.0, -1.0, 8)],
         # Both kinds of error: speeds that are noisier, and angles that are.
-        outside=[efficient(x, 1e-3) for x in (*result.rng.uniform(2.0, 30.0, 6), 0.5, 0.1)],
+        outside=[efficient(x, 1e-3) for x in (*result.rng.uniform(2.0, 30.0, 6), 0.5, 0.1)]
+        # Chosen to break it: speeds that share their angles' noise, as a derivative of them does.
+        + [correlated(x, ((0, 2), (1, 3))) for x in (0.5, 0.9)],
     )
     result.correction_holds(
         # A standard deviation of 100 fits is uncertain by 7 %.
@@ -147,7 +161,7 @@ def estimates(loop, samples, runs, rng):
 )
 def feedback_and_regression(result):
     from course.sim_to_real import Log, fit
-    from course.sim_to_real.signals import SpeedLoop, speed_output_error, spin
+    from course.sim_to_real.signals import SpeedLoop, regression, speed_output_error, spin
 
     loop, runs = SpeedLoop(), 200
     n, times = int(result.input("n", 1000)), int(result.input("times", 16))
@@ -194,6 +208,19 @@ def feedback_and_regression(result):
         errors = estimates(some, samples, runs, result.rng)["least squares"]
         return abs(errors.mean()) > limit(errors)
 
+    def older(late):
+        """Return whether logs are biased if the controller uses a speed that is samples old."""
+        planned = loop.plan(n)
+        desired = loop.dt / loop.inertia * (np.cumsum(planned) - planned)
+        error, v = loop.noise * result.rng.standard_normal((n + 1, runs)), np.zeros((n + 1, runs))
+        sent = np.zeros((n, runs))
+        for k in range(n):
+            j = max(0, k - late)
+            sent[k] = planned[k] + loop.gain * (desired[j] - v[j] - error[j])
+            v[k + 1] = v[k] + loop.dt / loop.inertia * sent[k]
+        errors = regression((v + error).T, sent.T, loop.dt) * loop.inertia - 1.0
+        return bool(abs(errors.mean()) > limit(errors))
+
     def drawn(**changed):
         gain, inertia = result.rng.uniform(0.5, 8.0), result.rng.uniform(0.05, 0.3)
         return replace(loop, gain=gain, inertia=inertia, **changed)
@@ -201,10 +228,13 @@ def feedback_and_regression(result):
     result.statement = "200 logs of each kind."
     result.statement_holds(
         all([biased(loop, n), biased(shaken, n)]),
-        only_if="the controller feeds back a measurement whose noise is also in the acceleration",
-        inside=[biased(drawn(noise=x), n) for x in result.rng.uniform(0.01, 0.1, 8)],
+        only_if="the controller feeds back a measurement whose noise is also in the acceleration "
+        "of the same sample",
+        inside=[biased(drawn(noise=x), n) for x in result.rng.uniform(0.01, 0.1, 8)] + [older(0)],
         # The loop is closed in these logs too, but its measurements have no noise.
-        outside=[biased(drawn(noise=0.0, disturbance=x), n) for x in result.rng.uniform(0.1, 2, 8)],
+        outside=[biased(drawn(noise=0.0, disturbance=x), n) for x in result.rng.uniform(0.1, 2, 8)]
+        # Chosen to break it: feedback that comes samples late, whose noise is in earlier rows.
+        + [older(late) for late in (1, 2)],
     )
     gains = (0.5, 1.0, 4.0, 16.0, 32.0)
     laws = [replace(loop, gain=g) for g in gains]

@@ -1,5 +1,6 @@
 """Claims of chapter 8 about vectorised environments: ends of episodes, seeds, processes."""
 
+import functools
 import os
 
 import numpy as np
@@ -62,9 +63,16 @@ def vector_one_done_flag(result):
 
     discount, clock = result.input("discount", 0.9), result.input("clock_steps", 10)
 
-    def learned(clock, merged, gamma=discount):
+    class Over(_Clocked):
+        """Is over after its last step, instead of cut off."""
+
+        def step(self, action):
+            observation, reward, _, late, info = super().step(action)
+            return observation, reward, late, False, info
+
+    def learned(clock, merged, gamma=discount, kind=_Clocked):
         """Return the value equal to the mean of its targets, for a learner without a clock."""
-        envs = VectorizedEnv(lambda: _Clocked(clock), 4)
+        envs = VectorizedEnv(lambda: kind(clock), 4)
         envs.reset(seed=0)
         rewards, goes_on = [], []
         for _ in range(200):
@@ -85,7 +93,13 @@ def vector_one_done_flag(result):
     result.statement_holds(
         right(clock, True, discount),
         only_if="no episode is cut off, by a clock or by anything else",
-        inside=[right(200 + int(n), True, gamma) for n, gamma in draws],
+        inside=[right(200 + int(n), True, gamma) for n, gamma in draws]
+        # Chosen to break it: episodes that are over, after 1, 2 or 5 steps; a step then goes on
+        # with the probability 1 - 1/n.
+        + [
+            abs(learned(n, True, gamma, Over) * (1.0 - gamma * (1.0 - 1.0 / n)) - 1.0) < 1e-9
+            for n, (_, gamma) in zip((1, 2, 5), draws, strict=False)
+        ],
         outside=[right(int(n), True, gamma) for n, gamma in draws],
     )
     result.correction_holds(
@@ -153,15 +167,35 @@ def vector_zip_of_actions(result):
     drill = drills.VectorizedEnv(lambda: _Clocked(100), 4)
     result.statement = "Counted by the environments."
 
+    class Noted(_Clocked):
+        """Remembers the action it got."""
+
+        def step(self, action):
+            self.action = np.copy(action)
+            return super().step(action)
+
+    def own(n, form):
+        """Return whether each of n environments got its row, from actions in another form."""
+        envs, actions = Zipped(lambda: Noted(100), n), result.rng.normal(size=(n, n))
+        envs.reset(seed=0)
+        envs.step(form(actions))
+        return all(
+            np.array_equal(env.action, row) for env, row in zip(envs.envs, actions, strict=True)
+        )
+
     def every(environments, actions):
         return _stepped(Zipped, environments, actions) == (environments, actions)
 
     counts = [int(n) for n in result.rng.integers(1, 20, 10)]
     result.statement_holds(
         every(4, 3),
-        only_if="there are as many actions as environments",
-        inside=[every(n, n) for n in counts],
-        outside=[every(n, n + (-1) ** i) for i, n in enumerate(counts)],
+        only_if="there are as many actions as environments, in the environments' order",
+        inside=[every(n, n) for n in counts]
+        # Chosen to break it: lists, tuples, iterators that can be used once, one environment.
+        + [own(n, form) for n in (1, 2, 7) for form in (list, tuple, iter, np.asfortranarray)],
+        outside=[every(n, n + (-1) ** i) for i, n in enumerate(counts)]
+        # As many columns as environments: transposed, the number is right and the order is not.
+        + [own(n, form) for n in (2, 7) for form in (np.transpose, np.flipud)],
     )
     result.correction_holds(
         few == 3,
@@ -205,10 +239,30 @@ def vector_same_step_reset(result):
     result.measure("reward_of_the_resetting_step", reward)
     result.statement = "Gymnasium's SyncVectorEnv over an environment that ends after one step."
     seeds = [int(seed) for seed in result.rng.integers(0, 10**6, 8)]
+
+    def first_shown(lengths):
+        """Return whether each end shows the first observation of the next episode."""
+        kinds = [functools.partial(ArmReach, max_steps=n) for n in lengths]
+        envs = gymnasium.vector.SyncVectorEnv(kinds, autoreset_mode="SameStep")
+        starts, single = list(range(len(lengths))), [kind() for kind in kinds]
+        envs.reset(seed=starts)
+        for env, start in zip(single, starts, strict=True):
+            env.reset(seed=start)
+        right = []
+        for _ in range(8):
+            action = np.full((len(lengths), 2), 0.3, np.float32)
+            shown = envs.step(action)[0]
+            for env, row in zip(single, shown, strict=True):
+                if any(env.step(action[0])[2:4]):
+                    right.append(np.array_equal(row, env.reset()[0]))
+        return len(right) > 4 and all(right)
+
     result.statement_holds(
         not later,
         only_if="the autoreset mode is SAME_STEP",
-        inside=[not last_shown(seed, autoreset_mode="SameStep")[0] for seed in seeds],
+        inside=[not last_shown(seed, autoreset_mode="SameStep")[0] for seed in seeds]
+        # Chosen to break it: several environments, which end at different steps.
+        + [first_shown(lengths) for lengths in ((1, 1), (1, 2, 3), (3, 1, 4))],
         outside=[not last_shown(seed)[0] for seed in seeds],
     )
     result.correction_holds(reward == 0.0, other != 0.0, name == "NextStep")
@@ -217,11 +271,14 @@ def vector_same_step_reset(result):
 @claim(
     "Resetting N environments with a fixed seed gives N different, repeatable episodes.",
     "With one seed for all they are copies: N times the work, one environment's experience. Seeds "
-    "s, s + 1, ... give different ones, and repeat as well. But the next run needs a seed that is "
+    "s, s + 1, ... give different ones, and repeat as well, if each environment samples its start "
+    "from a generator that its seed starts. But the next run needs a seed that is "
     "N "
     "or more away: runs with s and s + 1 share all episodes but one.",
 )
 def vector_one_seed(result):
+    import gymnasium
+
     from course.vector_env import ArmReachVector
 
     envs = ArmReachVector(8)
@@ -233,6 +290,37 @@ def vector_one_seed(result):
         """Return whether the eight are different, and the same again."""
         return len(set(rows(seed))) == 8 and rows(seed) == rows(seed)
 
+    def repeats(kind, seeds):
+        """Return whether environments start in different states, and in the same ones again."""
+        some = gymnasium.vector.SyncVectorEnv([kind] * len(seeds))
+        a, b = ([row.tobytes() for row in some.reset(seed=seeds)[0]] for _ in range(2))
+        return len(set(a)) == len(seeds) and a == b
+
+    class Start(gymnasium.Env):
+        """Starts where its own generator says, which the seed starts."""
+
+        observation_space = gymnasium.spaces.Box(-1.0, 1.0, (2,))
+        action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,))
+
+        def start(self):
+            return self.np_random.uniform(-1.0, 1.0, 2)
+
+        def reset(self, *, seed=None, options=None):
+            super().reset(seed=seed)
+            return self.start().astype(np.float32), {}
+
+    class Fixed(Start):
+        """Always starts in the same state."""
+
+        def start(self):
+            return np.zeros(2)
+
+    class Global(Start):
+        """Starts where a generator says that its seed does not reach."""
+
+        def start(self):
+            return result.rng.uniform(-1.0, 1.0, 2)
+
     result.measure("different_of_8_with_one_seed", np.size(list(set(rows([5] * 8)))))
     result.measure("different_of_8_with_own", np.size(list(set(rows(5)))))
     result.statement = "Distinct first observations of the reaching task."
@@ -240,9 +328,13 @@ def vector_one_seed(result):
     first = [rows([seed] * 8) for seed in seeds]
     result.statement_holds(
         good([5] * 8),
-        only_if="each of them gets a seed of its own",
-        inside=[good(seed) for seed in seeds],
-        outside=[good([seed] * 8) for seed in seeds],
+        only_if="each of them gets a seed of its own, its start is random, and it samples from a "
+        "generator that this seed starts",
+        inside=[good(seed) for seed in seeds]
+        # Chosen to break it: seeds in another order, far apart, and many.
+        + [good([2**31, 0, 7, 6, 5, 1, 2**40, 3]), repeats(Start, list(range(300)))],
+        outside=[good([seed] * 8) for seed in seeds]
+        + [repeats(kind, list(range(8))) for kind in (Fixed, Global)],
     )
     result.correction_holds(
         all(len(set(rows([seed] * 8))) == 1 for seed in seeds),
