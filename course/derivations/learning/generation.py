@@ -87,6 +87,8 @@ def two_modes():
 def cloning_averages(result):
     import sympy
 
+    from course.learning import TwoWays
+
     p, w, x = sympy.symbols("p w x", positive=True)
     # Minimise the expected squared error over a single prediction.
     error = p * (x - w) ** 2 + (1 - p) * (x + w) ** 2
@@ -94,12 +96,22 @@ def cloning_averages(result):
     mean, *others = (result.measure(n, between(n), 0.1) for n in ("mean", "mixture", "nearest"))
     result.statement = "2,000 first chunks of 8 steps, from policies trained on 100 demonstrations."
     averages = [mean > 0.5, *(share > 0.5 for share in others)]
+    # Chosen to break it: states that show which side was begun, and samples of the fitted normal
+    # distribution instead of its mean.
+    states = TwoWays().demonstrate(400, 7).states
+    begun = states[:, 6] + policy("mean")(states[:, 6], result.rng)[:, :2].sum(axis=1)
+    middle, spread = states[:, 8, 1].mean(), states[:, 8, 1].std()
+    drawn = middle + spread * result.rng.standard_normal(2000)
     result.statement_holds(
         all(averages),
-        only_if="its loss is smallest at the mean, like the squared error, or the likelihood of a "
-        "single normal distribution",
-        inside=averages[:1],
-        outside=averages[1:],
+        only_if="the state does not show which way was begun, and the policy returns the mean: its "
+        "loss is smallest there, like the squared error, or it returns the mean of a single normal "
+        "distribution that was fitted with the likelihood",
+        inside=[*averages[:1], bool(abs(middle) < 0.2)],
+        outside=[
+            *averages[1:],
+            *(bool(np.mean(np.abs(y) < 0.2) > 0.5) for y in (begun[:, 1], drawn)),
+        ],
         cases=True,
     )
     shown = policy("nearest")(np.zeros((1, 2)), result.rng)
@@ -254,12 +266,21 @@ def one_euler_step(result):
     paired = noise + 1.0 * (data - noise)
     net = result.measure("net", between("flow", steps=1), 0.15)
     mean = result.measure("mean", between("mean"), 0.15)
+    # Chosen to break it: many modes in many dimensions, and paths that are quarter circles.
+    many = max(deviation(8, 20) for _ in range(4))
+    t = sympy.Symbol("t")
+    curved = z + sympy.diff(m * sympy.sin(sympy.pi * t / 2) + z * sympy.cos(sympy.pi * t / 2), t)
     result.statement_holds(
         net > 0.9,
-        only_if="the velocity field is exact, and noise and data were paired at random",
+        only_if="the velocity field is exact, noise and data were paired at random, and the paths "
+        "between them are straight",
         cases=True,
-        inside=[worst < 1e-9],
-        outside=[net > 0.9, bool(np.abs(paired - data.mean()).max() < 1e-9)],
+        inside=[worst < 1e-9, many < 1e-9],
+        outside=[
+            net > 0.9,
+            bool(np.abs(paired - data.mean()).max() < 1e-9),
+            bool(sympy.simplify(curved.subs(t, 0) - m) == 0),
+        ],
     )
     result.correction_holds(
         np.allclose(half, first),
@@ -312,10 +333,15 @@ def sampler_orders(result):
         [abs(gain(x, *made) - 2.0) < 0.1 for made in drawn] for x in ("euler", "heun")
     )
     outside.append(abs(few - 2.0) < 0.1)
+    # Chosen to break it: modes far narrower than the others, with long and with short steps.
+    thin = (np.full(2, 0.5), first[1], np.full(2, 0.02))
+    inside += [bool(abs(gain(x, *thin, 640) - 2.0) < 0.1) for x in ("euler", "ddim")]
+    outside.append(bool(abs(gain("ddim", *thin) - 2.0) < 0.1))
     result.statement = "Mixtures of two normal distributions with exact fields, 80 and 160 steps."
     result.statement_holds(
         all(outside),
-        only_if="the sampler is of first order and its steps are short",
+        only_if="the sampler is of first order and its steps are short compared with the width of "
+        "the modes",
         inside=inside,
         outside=outside,
     )
@@ -357,11 +383,24 @@ def ten_denoising_steps(result):
         [bool(min(fewer) > share) for share in result.rng.uniform(*some, 8)]
         for some in ((ten, 0.99 * nine), (1.01 * nine, five))
     )
+    # Chosen to break it: a mode that is rare, and modes that are farther apart.
+    other = [
+        Mixture(np.array([x, 1.0 - x]), np.array([[-y], [y]]), np.array([0.1 * y, 0.1 * y]))
+        for x, y in ((0.95, 1.0), (0.5, 2.0))
+    ]
+    least = [
+        min(
+            np.mean(np.abs(denoise(made.clean, noise, steps, result.rng)) < 0.5 * y)
+            for steps in range(1, 10)
+        )
+        for made, y in zip(other, (1.0, 2.0), strict=True)
+    ]
     result.statement_holds(
         nine > five,
-        only_if="less than {nine:.1%} of the samples may fall between two modes as narrow as these",
+        only_if="less than {nine:.1%} of the samples may fall between two modes that are equally "
+        "frequent, as far apart and as narrow as these",
         inside=inside,
-        outside=outside,
+        outside=[*outside, *(bool(x > 0.99 * nine) for x in least)],
     )
     one_mode = Mixture(np.array([1.0]), np.array([[1.0]]), np.array([0.1]))
     single = denoise(one_mode.clean, noise, 1, result.rng)
@@ -395,12 +434,12 @@ def ensembling_averages(result):
     result.formula = sympy.sqrt(K * w**2) / K
     part = np.linspace(0.0, 1.0, 17)
 
-    def coin(states, rng):
+    def coin(states, rng, odds=None, length=16):
         """Return the right chunk for a side that is drawn anew at each call."""
         phase = np.clip(np.rint(16 * states[:, :1]), 0, 15).astype(int)
         later = part[np.minimum(phase + np.arange(17), 16)]
-        side = rng.choice([-0.35, 0.35], (len(states), 1)) * np.sin(np.pi * later)
-        return np.diff(np.stack((later, side), axis=2), axis=1)
+        side = rng.choice([-0.35, 0.35], (len(states), 1), p=odds) * np.sin(np.pi * later)
+        return np.diff(np.stack((later, side), axis=2), axis=1)[:, :length]
 
     acts = {
         "mixture": Ensemble(policy("mixture")),
@@ -413,11 +452,15 @@ def ensembling_averages(result):
     selected = [passed(Ensemble(policy(n))) > 0.7 for n in ("flow", "diffusion", "mixture")]
     # Weights that fall quickly with the chunk's number leave nearly only the oldest chunk.
     oldest = passed(Ensemble(coin, 3.0))
+    # Chosen to break it: few chunks in a mean, and a coin that nearly always falls on one side.
+    short = [passed(Ensemble(functools.partial(coin, length=n), 0.0)) for n in (1, 2, 4)]
+    biased = passed(Ensemble(functools.partial(coin, odds=[0.1, 0.9]), 0.0))
     result.statement_holds(
         mixture < 0.2,
-        only_if="new chunks ignore which side was begun, and all have similar weights",
-        inside=[tossed < 0.2, passed(Ensemble(coin)) < 0.2],
-        outside=[*(not x for x in selected), oldest < 0.2],
+        only_if="new chunks ignore which side was begun and take both sides about equally often, "
+        "and all have similar weights",
+        inside=[tossed < 0.2, passed(Ensemble(coin)) < 0.2, *(bool(x < 0.2) for x in short)],
+        outside=[*(not x for x in selected), oldest < 0.2, bool(biased < 0.2)],
         cases=True,
     )
     # The formula by sampling: means of eight coin tosses.
@@ -539,10 +582,12 @@ def pauses(result):
     outside.append(drawn == 1.0)
     mean = stuck(pause, 1, 0, averaging)
     shaken = stuck(pause, 1, 0, noise=0.02)
-    outside += [mean == 1.0, shaken == 1.0]
+    # Chosen to break it: of the chunks recorded at a state always the one recorded last.
+    final = stuck(pause, 1, 0, lambda states, chunks: nearest(states[::-1], chunks[::-1]))
+    outside += [mean == 1.0, shaken == 1.0, bool(final == 1.0)]
     only_if = (
-        "it always returns the same one of the recorded chunks at a state, executes no more steps "
-        "than a pause has, and nothing disturbs it"
+        "at a state it always returns the chunk that was recorded there first, begins where a "
+        "demonstration began, executes no more steps than a pause has, and nothing disturbs it"
     )
     result.statement_holds(over == 1.0, only_if=only_if, inside=inside, outside=outside)
     result.correction_holds(
@@ -596,11 +641,20 @@ def ways_missed(result):
         # Five independent choices, however many demonstrations each operator gives.
         return bool(np.mean(~(result.rng.random((300, operators)) < share).any(axis=1)) < 0.03)
 
+    operators = [by_operators(x) for x in result.rng.uniform(limit, 0.3, 4)]
+
+    def mixed(number):
+        """Return whether it is rarely missed where each demonstration has its own probability."""
+        least = 1.0 - 0.01 ** (1.0 / number)
+        each = result.rng.uniform(least, min(1.0, 1.5 * least), number)
+        return bool(np.mean(~(result.rng.random((2000, number)) < each).any(axis=1)) < 0.03)
+
     result.statement_holds(
         rare < 0.03,
         only_if="each demonstration uses it independently with probability above 1 - (1/100)^(1/n)",
-        inside=inside,
-        outside=outside + [by_operators(x) for x in result.rng.uniform(limit, 0.3, 4)],
+        # Chosen to break it: few and many demonstrations, with unequal probabilities.
+        inside=inside + [mixed(number) for number in (1, 2, 7, 300)],
+        outside=outside + operators,
     )
     five = missed(0.3, 5, 4000, 1)[1]
     result.correction_holds(

@@ -96,6 +96,12 @@ def errors_compound(result):
         "condition: doubled lengths in the formula."
     )
     drawn = list(result.rng.integers(20, 200, 10))
+
+    def fading(T):
+        """Return whether it grows with the square where errors get rarer in the run's course."""
+        wrong = 1.0 - np.cumprod(1.0 - 0.05 / np.arange(1, 2 * T + 1))
+        return bool(wrong.sum() / wrong[:T].sum() > 3.4)
+
     # Error rate times length below 0.3, and above 0.7, where saturation begins.
     inside, outside = (
         [square(x / T, T) for x, T in zip(result.rng.uniform(*some, 10), drawn, strict=True)]
@@ -103,10 +109,18 @@ def errors_compound(result):
     )
     result.statement_holds(
         square(0.1, 80),
-        only_if="each step goes wrong independently until the first error and all later ones are "
-        "wrong, and the error rate times the length is below three tenths",
-        inside=inside,
-        outside=outside + [by_run(x) for x in result.rng.uniform(0.05, 0.3, 4)],
+        only_if="each step goes wrong with the same probability, independently, until the first "
+        "error and all later ones are wrong, the task has twenty steps or more, and the error rate "
+        "times the length is below three tenths",
+        # Chosen to break it: the shortest tasks at the largest rates, and rates that fall with
+        # time.
+        inside=inside + [square(0.299 / T, T) for T in (20, 21, 25)],
+        outside=[
+            *outside,
+            *(by_run(x) for x in result.rng.uniform(0.05, 0.3, 4)),
+            *(square(0.1 / T, T) for T in (1, 2, 3)),
+            *(fading(T) for T in (20, 60, 200)),
+        ],
     )
     three = expected_cost(0.2, 3.0, recovers=False) - result.formula.subs(eps, 0.2)
     # Rare errors: eps T (T + 1) / 2.
@@ -155,9 +169,9 @@ def clone_error_grows(result):
         # Second half only, after the transient of the geometric sum.
         return np.polyfit(np.log(T), np.log(accumulated(factor, 0.01, steps)[T]), 1)[0]
 
-    def explodes(factor):
-        total = accumulated(factor, 0.01, 600)
-        return bool(total[599] > 100.0 * total[299])
+    def explodes(factor, steps=600):
+        total = accumulated(factor, 0.01, steps)
+        return bool(total[-1] > 100.0 * total[steps // 2 - 1])
 
     low = result.input("low", 0.9)
     below, one = result.measure("below", exponent(low)), result.measure("one", exponent(1.0))
@@ -168,8 +182,9 @@ def clone_error_grows(result):
     result.statement_holds(
         explodes(low),
         only_if="the closed loop amplifies a deviation, |a| above 1",
-        inside=inside,
-        outside=outside,
+        # Chosen to break it: deviations that change their sign, and factors next to 1.
+        inside=[*inside, *(explodes(x) for x in (-1.05, -1.5, 10.0)), explodes(1.001, 20_000)],
+        outside=[*outside, *(explodes(x) for x in (-0.95, -1.0)), explodes(0.999, 20_000)],
     )
     three = float(sympy.sympify(result.formula).subs({a: low, e: 0.01}))
     result.correction_holds(
@@ -226,11 +241,27 @@ def perfect_fit(result):
     inside, outside = ([as_good(plant, x) for plant in plants] for x in (0.01, 0.0))
     # Off the line by less than least squares can tell from rounding.
     barely = [as_good(plant, 1e-12) for plant in plants[:4]]
+
+    def copied(steps=200):
+        """Return whether a clone that repeats the nearest label ends as near as its expert."""
+        start, rng = task.starts(20, result.rng), result.rng
+        shown = roll(task, task.expert, start, 40, rng, injected=0.3)
+        rows, answers = shown.states[:, :-1].reshape(-1, 2), shown.actions.reshape(-1, 1)
+
+        def nearest(some, rng):
+            return answers[np.argmin(np.sum((some[:, None] - rows) ** 2, axis=2), axis=1)]
+
+        acts: tuple[Any, ...] = (task.expert, nearest)
+        ends = [np.abs(roll(task, act, start, steps, rng).states[:, -1]).max() for act in acts]
+        return bool(ends[1] < ends[0] + 1e-6)
+
     result.statement_holds(
         copy < 1.0,
-        only_if="the demonstrated states span all directions, by far more than rounding",
-        inside=inside,
-        outside=outside + barely,
+        only_if="expert and clone are linear in the state, and the demonstrated states span all "
+        "directions, by far more than rounding",
+        # Chosen to break it: states that span a direction thinly, and a clone that is not linear.
+        inside=inside + [as_good(plant, 1e-5) for plant in plants[:4]],
+        outside=[*outside, *barely, copied()],
     )
     mode = task.slow_mode()
     values = dict(zip((K1, K2, c, s), (*task.K, *mode), strict=True))
@@ -298,7 +329,7 @@ def dagger_fixes_drift(result):
     "{exponent:.2f}).",
 )
 def dagger_needs_room(result):
-    from course.learning import Circle, clone, dagger, roll
+    from course.learning import Circle, Regulator, clone, dagger, roll
 
     task, horizon = Circle(), int(result.input("horizon", 160))
 
@@ -328,15 +359,18 @@ def dagger_needs_room(result):
     # As long a training, but two units in a layer have no room for the new states.
     narrow, after = (cost[-1] for cost in costs(long, 0, width=2))
     worse = result.measure("worse", np.sum(ends[2:, 1] > ends[2:, 0]), 0.4)
+    # Chosen to break it: a linear learner can fit what it meets, but the labels are not exact.
+    line = Regulator()
+    noisy = [[law_of(k, line, rounds=r, label_noise=1e-6) for r in (0, 1)] for k in range(30)]
     result.statement = (
         "20 runs of 40 steps in each round, 32 units per layer, medians over the seeds."
     )
     result.statement_holds(
         all(lower),
-        only_if="it visits states that were missing, and the network can fit them and is trained "
-        "for it",
+        only_if="it visits states that were missing, their labels are exact, and the network can "
+        "fit them and is trained for it",
         inside=lower[:2],
-        outside=[*lower[2:], bool(after < narrow)],
+        outside=[*lower[2:], bool(after < narrow), all(b < a for a, b in noisy)],
         cases=True,
     )
     result.correction_holds(max(grown) < 1.35, min(grown) > 0.7, worse > 0.5 * n)

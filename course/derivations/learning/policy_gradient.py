@@ -158,7 +158,9 @@ def lambda_mixes(result):
     "If the environment resets within the step that reaches the time limit, the next row "
     "already belongs to the next episode. Using its value made an advantage wrong by "
     "{worst:.1f}, where values have a standard deviation of 1. If the reset takes a step of its "
-    "own, the next row is right, but the step that only resets has to be left out of the batch. "
+    "own, the next row is right. The step that only resets has to be left out of the batch, but "
+    "only after GAE has used its value. The last row of a batch has no next row, so its value has "
+    "to be computed separately. "
     "Where an episode terminates, the next row does no harm: GAE counts this value as 0.",
 )
 def next_row(result):
@@ -190,6 +192,14 @@ def next_row(result):
 
     ended, cut = ([deviation(c) for _ in range(10)] for c in (0.0, 0.1))
     result.measure("worst", max(cut))
+
+    def without_last():
+        """Return the error where the batch's last row has no next row, and 0 is taken."""
+        rewards, values, after, ended, late, row = drawn(result.rng)
+        ended[-1] = False
+        right = gae(rewards, values, after, ended, late)
+        return np.abs(gae(rewards, values, np.append(row[:-1], 0.0), ended, late) - right).max()
+
     result.statement = (
         "Random runs of 40 steps in which a tenth of the steps end an episode, with and without "
         "time limits."
@@ -198,9 +208,14 @@ def next_row(result):
     result.statement_holds(
         all(outside),
         inside=inside,
-        outside=outside + [mixed() < 1e-12 for _ in range(4)],
-        only_if="the rows are one environment's, in order, and no episode is cut off by a time "
-        "limit and reset within the same step",
+        # Chosen to break it: rows of two environments in turn, and the last row of a batch.
+        outside=[
+            *outside,
+            *(mixed() < 1e-12 for _ in range(4)),
+            *(bool(without_last() < 1e-12) for _ in range(4)),
+        ],
+        only_if="the rows are one environment's, in order, each has a next row, and no episode is "
+        "cut off by a time limit and reset within the same step",
     )
     result.correction_holds(
         min(cut) > 1e-3, max(ended) < 1e-12, follows("NextStep"), not follows("SameStep")
@@ -239,9 +254,10 @@ def beyond_the_clip(result):
     both, beyond = (rho * A, (1 + clip) * A), {rho: 1.5, A: -1, clip: 0.2}
     result.formula = min(both, key=lambda x: x.subs(beyond))
 
-    def flat(ratio, advantage):
+    def flat(ratio, advantage, size=0.2):
         """Return whether a small change of the ratio changes nothing, and the slope says so."""
-        value, slope = clipped_objective(np.array([ratio, ratio + 1e-6]), np.full(2, advantage))
+        pair = np.array([ratio, ratio + 1e-6])
+        value, slope = clipped_objective(pair, np.full(2, advantage), size)
         return bool(abs(value[1] - value[0]) < 1e-12 and slope[0] == 0.0)
 
     # From just outside the clip range of 0.2, with advantages of both signs.
@@ -257,8 +273,16 @@ def beyond_the_clip(result):
     result.statement_holds(
         all(outside),
         only_if="the ratio moved in the direction in which its advantage pushes",
-        inside=inside,
-        outside=outside,
+        # Chosen to break it: ratios far away and right outside, narrow and wide clips.
+        inside=[
+            *inside,
+            *(
+                flat(x, y, width)
+                for width in (0.01, 0.2, 0.5)
+                for x, y in ((1e3, 1e-3), (1.0 + 1.001 * width, 5.0), (1e-3, -1e-3))
+            ),
+        ],
+        outside=[*outside, flat(1e3, -1e-3), flat(1e-3, 1e-3)],
     )
     result.correction_holds(
         not any(outside),

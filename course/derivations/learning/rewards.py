@@ -91,10 +91,21 @@ def first_to_finish(result):
     inside, outside = ([shows(s, n) for s in result.rng.uniform(0.2, 0.8, 8)] for n in (1, 30))
     # Failures that take as long on average, but half of them are over at once.
     spread = [shows(s, 59, 1) for s in (0.2, 0.35, 0.5)]
+
+    def few(share, N=5, times=400):
+        """Return whether few environments agree on average, with lengths of a heavy tail."""
+        wins = result.rng.random((times, N, N)) < share
+        # Each environment's episodes end one after another; the first N of all count.
+        ends = np.cumsum(result.rng.pareto(0.7, (times, N, N)), axis=2).reshape(times, -1)
+        first = np.argsort(ends, axis=1)[:, :N]
+        read = np.take_along_axis(wins.reshape(times, -1), first, axis=1).mean()
+        return bool(abs(read - share) < 0.05)
+
     result.statement_holds(
         abs(read_more - more) < 0.05,
         only_if="the lengths of failures and successes have the same distribution",
-        inside=inside,
+        # Chosen to break it: few environments, some episodes a thousand times as long as others.
+        inside=inside + [few(x) for x in (0.1, 0.3, 0.7, 0.9)],
         outside=outside + spread,
     )
     law = float(result.formula.subs(p, true))
@@ -199,12 +210,15 @@ def sparse_chance(result):
     )
     # A single step sweeps nearly nothing, but the disc around the start counts too.
     still = [bool(measured(x, 1) < 0.01) for x in result.rng.uniform(0.13, 0.2, 4)]
+    # Chosen to break it: goals that are mostly near the start.
+    goals = 0.1 * result.rng.standard_normal((2000, 1, 2))
+    met = np.hypot(*np.moveaxis(path[:2000] - goals, 2, 0)).min(axis=1) < 0.0125
     result.statement_holds(
         observed < 0.01,
-        only_if="the share of the goal's area that a path sweeps, {formula} and the disc at its "
-        "start, is below 1/100",
+        only_if="the goal is equally likely anywhere in its area, and the share of this area that "
+        "a path sweeps, {formula} and the disc at its start, is below 1/100",
         inside=inside,
-        outside=outside + still,
+        outside=[*outside, *still, bool(met.mean() < 0.01)],
     )
     result.correction_holds(
         # 30 %: a random path crosses itself, so the swept strip is an upper estimate, and 20,000
@@ -285,11 +299,21 @@ def hovering(result):
     # Indifference: prize now, or the bonus now and the same choice a step later.
     result.formula = sympy.solve(sympy.Eq(b + P, b + gamma * (b + P)), b)[0]
 
-    def hovers(share, discount, prize, last=1.0):
-        """Return near (0) or over (1): wait or go, solved exactly; the last step's share of it."""
+    def hovers(share, discount, prize, last=1.0, risk=0.0, cost=0.0):
+        """Return whether it is best to wait, solved exactly.
+
+        Args:
+            share: of the bonus at which waiting starts to pay off.
+            discount: of a step.
+            prize: for going.
+            last: share of the bonus that the step to the prize is paid.
+            risk: that the episode ends while waiting.
+            cost: of each step, as a share of the bonus.
+        """
         bonus = share * float(result.formula.subs({gamma: discount, P: prize}))
-        moves = np.array([[[1.0, 0.0], [0.0, 1.0]], [[0.0, 1.0], [0.0, 1.0]]])
-        pays = np.array([[[bonus, 0.0], [0.0, last * bonus + prize]], np.zeros((2, 2))])
+        net = bonus * (1.0 - cost)
+        moves = np.array([[[1.0 - risk, risk], [0.0, 1.0]], [[0.0, 1.0], [0.0, 1.0]]])
+        pays = np.array([[[net, net], [0.0, (last - cost) * bonus + prize]], np.zeros((2, 2))])
         return bool(
             value_iteration(Process(moves, pays, discount, np.array([False, True]))).policy[0] == 0
         )
@@ -311,9 +335,14 @@ def hovering(result):
     result.statement_holds(
         all(outside),
         only_if="the bonus per step is above (1 - gamma) / gamma times the prize, if the step that "
-        "wins the prize is paid the bonus as well",
+        "wins the prize is paid the bonus as well, steps cost nothing, and waiting is safe",
         inside=inside,
-        outside=outside,
+        # Chosen to break it: an accident may happen while waiting, or each step has a cost.
+        outside=[
+            *outside,
+            *(hovers(1.05, *task, risk=0.2) for task in tasks),
+            *(hovers(1.05, *task, cost=0.2) for task in tasks),
+        ],
     )
     result.correction_holds(
         not any(outside),
@@ -327,19 +356,20 @@ def hovering(result):
     "Without a penalty for time, a robot has no reason to move fast.",
     "A discount is a penalty for time: at {discount} per step a slow controller is worth "
     "{slow:.2f} and a fast one {fast:.2f}. Without a discount both are worth the same, as long "
-    "as both arrive before a time limit or an accident.",
+    "as both arrive before a time limit or an accident, and only arriving is rewarded: a reward of "
+    "minus the distance at every step is a penalty for time, too.",
 )
 def no_time_penalty(result):
     from course.learning import evaluate
     from course.vector_env import PointReachVector
 
-    def worth(gain, gamma):
+    def worth(gain, gamma, reward="sparse"):
         def act(observed):
             # Critically damped PD law with the poles at -gain.
             push = gain**2 * observed[:, :2] - 2.0 * gain * observed[:, 2:]
             return np.clip(push, -1.0, 1.0).astype(np.float32)
 
-        envs = PointReachVector(64, max_steps=1000)
+        envs = PointReachVector(64, reward, max_steps=1000)
         return evaluate(act, envs, 0, discount=gamma).returns.mean()
 
     def interrupted(gain):
@@ -361,12 +391,14 @@ def no_time_penalty(result):
     result.statement = (
         "64 starts, up to 1,000 steps, critically damped controllers with 0.3 / s and 2 / s."
     )
+    # Chosen to break it: minus the distance at each step is no penalty for time by name only.
+    dense = bool(abs(worth(0.3, 1.0, "distance") - worth(2.0, 1.0, "distance")) < 1e-9)
     result.statement_holds(
         all(same[1:]),
-        only_if="rewards are not discounted, no time limit is reached, and nothing else can end "
-        "the episode",
+        only_if="only arriving is rewarded and rewards are not discounted, no time limit is "
+        "reached, and nothing else can end the episode",
         inside=same[:1],
-        outside=[*same[1:], bool(interrupted(0.3) > 0.9 * interrupted(2.0))],
+        outside=[*same[1:], bool(interrupted(0.3) > 0.9 * interrupted(2.0)), dense],
         cases=True,
     )
     result.correction_holds(fast > slow + 0.1, not any(same[1:]))
