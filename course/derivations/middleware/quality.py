@@ -198,7 +198,7 @@ def volatile_is_no_past(result):
 )
 def deadline_for_deadline(result):
     from course.middleware.qos import QoS
-    from course.oracles.cyclonedds import verdicts
+    from course.oracles.cyclonedds import own_messages, verdicts
 
     requested = result.rng.uniform(0.05, 20.0, int(result.input("asked", 10)))
     name = {"deadline": "deadline", "lease": "liveliness_lease_duration"}
@@ -224,10 +224,11 @@ def deadline_for_deadline(result):
     result.statement = "Deadlines and leases by chance on Cyclone DDS."
     result.statement_holds(
         all(outside),
-        only_if="the writer's deadline is at most as long as the reader's, and all other policies "
-        "are compatible",
+        only_if="the writer's deadline is at most as long as the reader's, all other policies "
+        "are compatible, and nothing else forbids the connection",
         inside=inside,
-        outside=outside + other,
+        # Chosen to break it: a reader that ignores the writers of its own participant.
+        outside=[*outside, *other, own_messages(1, True) == 1],
     )
     result.correction_holds(
         met == 0,
@@ -301,12 +302,17 @@ def reliable_arrives(result):
     ]
     # One place too few at the reader.
     outside = [all_of(k, k, k - 1) for k in n]
+    # Chosen to break it: nine packets of ten are lost and the others overtake one another; and two
+    # that have discovered each other, but disagree about another policy.
+    kept = QoS(history="keep_all")
+    awful = through(kept, kept, replace(link, jitter=0.05, loss=0.9), 300)
+    outside.append(history(QoS(), QoS(deadline=0.1), 3) == [0, 1, 2])
     result.statement = "Bursts on Cyclone DDS, whose reader looks afterwards; losses on the bus."
     result.statement_holds(
         retained == burst,
-        only_if="the two have discovered each other, neither end's queue overflows, no lifespan "
-        "ends and the writer stays alive",
-        inside=[*inside, long.lost == 0],
+        only_if="the two have discovered each other, all their policies are compatible, neither "
+        "end's queue overflows, no lifespan ends and the writer stays alive",
+        inside=[*inside, long.lost == 0, awful.lost == 0 and awful.received == 300],
         outside=[*outside, history(QoS(), QoS(), 3, late=True) == [0, 1, 2]],
     )
     result.correction_holds(
@@ -403,12 +409,28 @@ def still_there(lifespan=math.inf, dies=False):
     return len(reader) > 0
 
 
+def newer_first():
+    """Return what a late reader of depth 1 keeps, on the bus, where two writers have written."""
+    from course.middleware.bus import Bus
+
+    bus = Bus()
+    writers = [bus.node(name).writer("x", late(depth=1)) for name in ("first", "second")]
+    # The writer that matches first wrote last.
+    for writer, value in zip(writers[::-1], ("old", "new"), strict=True):
+        writer.publish(value)
+        bus.run(bus.now + 1.0)
+    reader = bus.node("screen").reader("x", None, late(depth=1))
+    bus.run(bus.now + 1.0)
+    return reader.take().value
+
+
 @claim(
     "With transient-local durability, a reader that joins late gets the last message.",
     "Both ends have to request it, and both have to be reliable: on Cyclone DDS, {given:.0f} of "
     "the four pairs of durabilities delivered old messages, and {reliable:.0f} of the four pairs "
     "of reliabilities. A message is gone when its lifespan has ended or when its writer no longer "
-    "exists.",
+    "exists. Where a topic has several writers, the reader gets the last message of each. With "
+    "depth 1 it stores whichever arrives last, which may be the oldest of them.",
 )
 def late_joiner_gets_the_last(result):
     from course.middleware.qos import ORDERS
@@ -431,7 +453,7 @@ def late_joiner_gets_the_last(result):
         all(given["reliability"]),
         cases=True,
         only_if="both ends are transient-local, reliable and otherwise compatible, the message's "
-        "lifespan has not ended and its writer is alive",
+        "lifespan has not ended, and its writer is alive and the only one of the topic",
         inside=[gets(last, late(depth=n)) for n in (1, 2, 10)] + [still_there()],
         outside=[
             *given["durability"][:3],
@@ -439,6 +461,8 @@ def late_joiner_gets_the_last(result):
             gets(last, late(deadline=0.1)),
             still_there(lifespan=0.5),
             still_there(dies=True),
+            # Chosen to break it: two writers.
+            newer_first() == "new",
         ],
     )
     result.correction_holds(
@@ -461,11 +485,11 @@ def late_joiner_gets_the_last(result):
 def late_joiner_depth(result):
     from course.oracles.qos_matrix import history
 
-    def handed(depth, service, reader=20):
+    def handed(depth, service, reader=20, **requested):
         return len(
             history(
                 late(depth=int(depth)),
-                late(depth=reader),
+                late(depth=reader, **requested),
                 12,
                 late=True,
                 kept_for_late=int(service),
@@ -478,11 +502,17 @@ def late_joiner_depth(result):
     result.statement = "Late readers on Cyclone DDS, after 12 samples."
     result.statement_holds(
         plain == depth,
-        only_if="its durability service has depth d as well, and the reader at least depth d",
+        only_if="its durability service has depth d as well, the reader at least depth d, and both "
+        "ends are reliable and transient-local",
         inside=[handed(k, k) == k for k in depths],
         # One less in the durability service, or one less at the reader.
         outside=[handed(k, k - 1) == k for k in depths]
-        + [handed(k, k, int(k) - 1) == k for k in depths],
+        + [handed(k, k, int(k) - 1) == k for k in depths]
+        # Chosen to break it: a reader that wants no past, and one that does not acknowledge.
+        + [
+            handed(3, 3, **one) == 3
+            for one in ({"durability": "volatile"}, {"reliability": "best_effort"})
+        ],
     )
     result.correction_holds(plain == 1, handed(5, 5, reader=2) == 2)
 

@@ -224,7 +224,7 @@ def high_waits(protocol, section, middle, between):
     return float(observed.longest[0]) - 0.01
 
 
-def urgent_wait(work, sleep=0, waiting=0, first_come=False):
+def urgent_wait(work, sleep=0, waiting=0, first_come=False, peers=0):
     """Run an inheriting lock in whole units of time, and return how long the high task waits.
 
     A low task has the lock at 0, when the high one asks for it. Nobody else needs the core.
@@ -234,8 +234,9 @@ def urgent_wait(work, sleep=0, waiting=0, first_come=False):
         sleep: of the low task under the lock, after half of its work.
         waiting: tasks of middle priority that have waited for the lock since before 0.
         first_come: the lock goes to the one that has waited longest, not to the most urgent one.
+        peers: tasks of the same priority that have waited since before 0, and therefore go first.
     """
-    queue = [*["middle"] * waiting, "high"]
+    queue = [*["middle"] * waiting, "high", *["peer"] * peers]
     holder, done, now = "low", 0, 0
     while holder != "high":
         now += 1
@@ -296,7 +297,8 @@ def inversion_is_bounded(result):
     result.statement_holds(
         one < section + 1e-6,
         only_if="the lock uses priority inheritance or a ceiling and goes to the most urgent "
-        "waiter first, its holder waits for nothing, and no task of higher priority runs",
+        "waiter first, its holder waits for nothing, and no other task of the same or a higher "
+        "priority runs or waits for a lock",
         inside=[
             *(bounded(kind, *x) for x in drawn for kind in kinds),
             *(urgent_wait(n, waiting=n) <= n for n in work),
@@ -306,6 +308,8 @@ def inversion_is_bounded(result):
             *(bool(x < section + 1e-6) for x in top),
             *(urgent_wait(n, sleep=n) <= n for n in work),
             *(urgent_wait(n, waiting=1, first_come=True) <= n for n in work),
+            # Chosen to break it: a task of the same priority waits already.
+            *(urgent_wait(n, peers=1) <= n for n in work),
         ],
     )
     result.correction_holds(

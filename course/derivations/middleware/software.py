@@ -260,7 +260,8 @@ def launch_comments(result):
     "changes. A value that was copied at the start stayed as it was. Setting a parameter that was "
     "never declared was rejected, which is the default, and so was a value of another type. A "
     "read-only parameter is rejected as well, "
-    "such as ros2_control's update_rate (by its documentation).",
+    "such as ros2_control's update_rate (by its documentation), and so is a value outside of a "
+    "declared range or one that a callback of the node rejects.",
     source="ROS 2 documentation, Parameters, and ros2_control, Controller Manager, Jazzy 2024",
 )
 def parameters_are_tunable(result):
@@ -286,15 +287,34 @@ def parameters_are_tunable(result):
     }
     result.measure("kinds", len(works))
     tuned = result.measure("tuned", sum(all(one) for one in works.values()))
+
+    def limited(limit=0.5):
+        """Return what a controller reads after a callback has rejected the value."""
+        node = launch.Parameters({})
+        node.declare("stiffness", 0.1)
+
+        def reject(name, value):
+            if value > limit:
+                node.value[name] = 0.1
+                raise ValueError(f"{name} must be at most {limit}, got {value}")
+
+        node.callbacks.append(reject)
+        try:
+            node.set("stiffness", 1.0)
+        except ValueError:
+            pass
+        return node.value["stiffness"]
+
     # An integer where a floating-point number is declared.
     whole = [stiffness("read", float(a), int(b)) == int(b) for a, b in drawn]
     result.statement = "A stand-in that keeps parameters as rclcpp does, four ways to use one."
     result.statement_holds(
         all(works["copied"]),
-        only_if="it is declared, not read-only, and read again or watched by a callback, and the "
-        "new value has its type",
+        only_if="it is declared, not read-only, and read again or watched by a callback, the new "
+        "value has its type, and no range or callback rejects it",
         inside=works["read"] + works["told"],
-        outside=works["copied"] + works["undeclared"] + whole,
+        # Chosen to break it: a value that the node's own callback rejects.
+        outside=[*works["copied"], *works["undeclared"], *whole, limited() == 1.0],
     )
     result.correction_holds(
         tuned == 2, not any(works["copied"]), not any(works["undeclared"]), not any(whole)
@@ -367,15 +387,19 @@ def seven_billion_on_board(result):
     # Bytes per weight and action above and below the least, and actions per inference.
     sizes, small = result.rng.uniform(1.05 * least, 4.0, 8), result.rng.uniform(0.3, 0.95, 8)
     few = result.rng.uniform(4.0, 16.0, 8)
+    # Chosen to break it: a mixture of experts, of whose weights an inference reads a tenth.
+    sparse = [traffic(x) / 10.0 > pc for x in sizes]
     result.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
     result.statement_holds(
         bool(traffic(2, chunk) > pc),
-        only_if="the bytes of a weight, divided by the actions per inference, exceed {least:.2f}",
+        only_if="each inference reads every weight, and the bytes of a weight, divided by the "
+        "actions per inference, exceed {least:.2f}",
         # The same quotient, with one action per inference and with several.
         inside=[traffic(x) > pc for x in sizes]
         + [traffic(x * a, a) > pc for x, a in zip(sizes, few, strict=True)],
         outside=[traffic(x, a) > pc for x, a in zip(sizes, few, strict=True)]
-        + [traffic(x * least) > pc for x in small],
+        + [traffic(x * least) > pc for x in small]
+        + sparse,
     )
     result.correction_holds(
         each > pc,

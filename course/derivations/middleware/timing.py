@@ -263,6 +263,10 @@ def callback_over_a_period(result):
     early = result.rng.uniform((1.02e-3, 1.2e-4), (1.2e-3, 6e-4), (10, 2))
     result.statement = "An executor on the bus, callbacks between two releases of the loop."
     outside += [control_misses(float(a), float(b)) for a, b in early]
+    # Chosen to break it: callbacks that end just too late or just in time, whenever they start.
+    edges = result.rng.uniform(1.2e-4, 9.9e-4, 6)
+    inside += [control_misses(1.91e-3 - float(x), float(x)) for x in edges]
+    outside += [control_misses(1.89e-3 - float(x), float(x)) for x in edges]
     # A callback that is long enough may start early; a second thread does not help one group.
     inside += [control_misses(float(x), 2e-4) for x in result.rng.uniform(1.75e-3, 5e-3, 4)]
     inside += [control_misses(float(a), float(b), threads=2) for a, b in drawn[:4]]
@@ -360,11 +364,12 @@ def threads_cure_deadlock(result):
 
 @claim(
     "A service call blocks the other callbacks of its node.",
-    "It blocks only those that share a group or a thread with the callback that waits for the "
-    "reply, or with the one that makes it. While a service took {work_ms:.0f} ms of each second, "
-    "another timer ran {held:.0f} of {due:.0f} times. It ran {free:.0f} times with an asynchronous "
-    "call, and {apart:.0f} times in a group and on a thread of its own. When the same node also "
-    "was the server, it ran {served:.0f} times, although no callback waited.",
+    "It blocks only those that share an exclusive group, or the only free thread, with the "
+    "callback that waits for the reply, or with the one that makes it. While a service took "
+    "{work_ms:.0f} ms of each second, another timer ran {held:.0f} of {due:.0f} times. It ran "
+    "{free:.0f} times with an asynchronous call, and {apart:.0f} times in a group and on a thread"
+    " of its own. When the same node also was the server, it ran {served:.0f} times, although no "
+    "callback waited.",
 )
 def service_blocks(result):
     from course.middleware.bus import Bus
@@ -398,14 +403,17 @@ def service_blocks(result):
     result.measure("served", served(work), 0.05)
     # Shares of a second that the service takes; from a quarter on, ticks must be lost.
     drawn = result.rng.uniform(0.25, 0.9, 8)
+    # Chosen to break it: both are in one group, but it is reentrant and a thread is free.
+    reentrant = [calling(2, "reentrant", True, float(x), 9.95)[2] < 0.9 * due for x in drawn[:4]]
     result.statement = "A node with two timers on the bus, ten seconds."
     result.statement_holds(
         free < 0.9 * due,
-        only_if="they share a group or a thread with the callback that waits for the reply or "
-        "with the one that makes it",
+        only_if="they share an exclusive group or the only free thread with the callback that "
+        "waits for the reply or with the one that makes it",
         inside=[held(True, x) < 0.9 * due for x in drawn] + [served(x) < due for x in drawn],
         outside=[held(False, x) < 0.9 * due for x in drawn]
-        + [held(True, x, apart=True) < 0.9 * due for x in drawn],
+        + [held(True, x, apart=True) < 0.9 * due for x in drawn]
+        + reentrant,
     )
     result.correction_holds(ran < 0.5 * due, free == due == aside)
 

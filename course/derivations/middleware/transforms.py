@@ -199,7 +199,9 @@ def linear_beats_hold(result):
                 [0.98, 0.97, *result.rng.uniform(0.02, 0.96, 8)],
                 strict=True,
             )
-        ],
+        ]
+        # Chosen to break it: swings of a quarter turn and of nearly half a turn to each side.
+        + [better(a, 0.7, x * share) for a in (0.5 * np.pi, 3.0) for x in (0.1, 0.9, 0.97)],
         outside=[
             better(a, f, x * share)
             for a, f, x in zip(
@@ -221,9 +223,10 @@ def linear_beats_hold(result):
     "If the clock of the computer that sends transforms is wrong, lookups fail.",
     "Inside the buffer nothing fails. The lookup returns the pose of another moment, and the error "
     "is up to the speed times the offset: at {speed:.2f} m/s and {offset_ms:.0f} ms up to "
-    "{error_mm:.0f} mm, without an exception. A lookup fails if the clock is further behind than "
-    "the requested time is old, or ahead by nearly the length of the buffer. Mixed use_sim_time "
-    "does this: one node uses simulated time and another wall time, which differ by decades.",
+    "{error_mm:.0f} mm, without an exception. A lookup of a certain time, not of the newest "
+    "transform, fails if the clock is further behind than this time is old, or ahead by nearly the "
+    "length of the buffer. Mixed use_sim_time does this: one node uses simulated time and another "
+    "wall time, which differ by decades.",
     source="geometry2, tf2/src/cache.cpp, Jazzy 2024; ROS 2 design, Clock and Time, 2015",
 )
 def wrong_clock_fails(result):
@@ -240,6 +243,23 @@ def wrong_clock_fails(result):
             return None
         return float(np.linalg.norm(place - motion.at(requested).position[:, 0]))
 
+    def jumped(back, ago=0.1):
+        """Return whether a lookup fails where the sender's clock went back only so long ago [s]."""
+        buffer = sample(motion, 1.0 / hz, now - ago)
+        for time in np.arange(now - ago + 1.0 / hz, now, 1.0 / hz):
+            pose = motion.at(time)
+            buffer.insert(time - back, pose.position[:, 0], pose.quaternion[:, 0])
+        try:
+            buffer.lookup(now - late)
+        except ExtrapolationError:
+            return True
+        return False
+
+    def newest(offset):
+        """Return whether a lookup of the newest transform fails."""
+        buffer = sample(motion, 1.0 / hz, now, offset=offset)
+        return not np.isfinite(buffer.lookup(buffer.newest).position).all()
+
     speed = result.measure("speed", motion.speed)
     offset = 1e-3 * result.input("offset_ms", 50)
     errors = [
@@ -253,8 +273,9 @@ def wrong_clock_fails(result):
     result.statement = "A sender with its clock at random offsets; lookups 0.2 s in the past."
     result.statement_holds(
         looked_up(offset) is None,
-        only_if="the clock is behind by more than the age of the requested time, or ahead by more "
-        "than the buffer is long, less that age",
+        only_if="a time is requested and not the newest transform, and since before that time the "
+        "clock is behind by more than its age, or ahead by more than the buffer is long, less that "
+        "age",
         inside=[
             looked_up(float(x)) is None
             for x in (
@@ -274,7 +295,10 @@ def wrong_clock_fails(result):
                 *-result.rng.uniform(0.0, 0.95 * late, 4),
                 *result.rng.uniform(0.0, 0.95 * dropped_after, 4),
             )
-        ],
+        ]
+        # Chosen to break it: a clock that went wrong a moment ago, and lookups of the newest.
+        + [jumped(x) for x in (0.5, 3.0, 9.0)]
+        + [newest(x) for x in (-1.7e9, -5.0, 5.0, 1.7e9)],
     )
     result.correction_holds(
         len(silent) == len(errors),
