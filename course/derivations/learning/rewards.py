@@ -356,8 +356,8 @@ def hovering(result):
     "Without a penalty for time, a robot has no reason to move fast.",
     "A discount is a penalty for time: at {discount} per step a slow controller is worth "
     "{slow:.2f} and a fast one {fast:.2f}. Without a discount both are worth the same, as long "
-    "as both arrive before a time limit or an accident, and only arriving is rewarded: a reward of "
-    "minus the distance at every step is a penalty for time, too.",
+    "as both arrive before a time limit or an accident, and nothing but arriving is rewarded: a "
+    "reward of minus the distance at every step is a penalty for time, too.",
 )
 def no_time_penalty(result):
     from course.learning import evaluate
@@ -395,7 +395,7 @@ def no_time_penalty(result):
     dense = bool(abs(worth(0.3, 1.0, "distance") - worth(2.0, 1.0, "distance")) < 1e-9)
     result.statement_holds(
         all(same[1:]),
-        only_if="only arriving is rewarded and rewards are not discounted, no time limit is "
+        only_if="nothing but arriving is rewarded and rewards are not discounted, no time limit is "
         "reached, and nothing else can end the episode",
         inside=same[:1],
         outside=[*same[1:], bool(interrupted(0.3) > 0.9 * interrupted(2.0)), dense],
