@@ -421,7 +421,9 @@ def newer_first():
         bus.run(bus.now + 1.0)
     reader = bus.node("screen").reader("x", None, late(depth=1))
     bus.run(bus.now + 1.0)
-    return reader.take().value
+    stored = reader.take()
+    assert stored is not None
+    return stored.value
 
 
 @claim(

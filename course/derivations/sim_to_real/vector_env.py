@@ -244,7 +244,8 @@ def vector_same_step_reset(result):
         """Return whether each end shows the first observation of the next episode."""
         kinds = [functools.partial(ArmReach, max_steps=n) for n in lengths]
         envs = gymnasium.vector.SyncVectorEnv(kinds, autoreset_mode="SameStep")
-        starts, single = list(range(len(lengths))), [kind() for kind in kinds]
+        starts: list[int | None] = list(range(len(lengths)))
+        single = [kind() for kind in kinds]
         envs.reset(seed=starts)
         for env, start in zip(single, starts, strict=True):
             env.reset(seed=start)
