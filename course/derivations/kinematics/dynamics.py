@@ -132,8 +132,8 @@ def exact_accelerations(
 
 @claim(
     "The articulated-body algorithm loses fewer digits than a factorised mass matrix.",
-    "It does on long arms without a light tip, there by more than a factor of {clear:g} in the "
-    "median. For planar rods at rest under random torques, "
+    "It does on long arms without a light tip whose links are not folded onto each other, there by "
+    "more than a factor of {clear:g} in the median. For planar rods at rest under random torques, "
     "Cholesky's factors lose about {digits:.0f} digit more with {many:g} links in the median, and "
     "about {digits_heavy:.0f} digits more if the last link weighs {factor:.0e} times as much as "
     "the others. With {few:g} links the two are alike: the median errors differ by a factor of "
@@ -149,13 +149,18 @@ def articulated_bodies_lose_fewer_digits(result):
     # No double is nearer to the truth than this, but by chance.
     unit = 2.0**-53
 
-    def errors(n: int, factor: float, postures: int) -> np.ndarray:
-        """Return the median relative errors of articulated bodies and of Cholesky's factors."""
+    def errors(n: int, factor: float, postures: int, bend: float | None = None) -> np.ndarray:
+        """Return the median relative errors of articulated bodies and of Cholesky's factors.
+
+        Links and postures are random; with a bend the links are equal and every joint has it.
+        """
         measured = []
         for _ in range(postures):
             lengths, masses = result.rng.uniform(0.3, 1, n), result.rng.uniform(0.5, 2, n)
             masses[-1] *= factor
             q, tau = result.rng.uniform(-3, 3, n), result.rng.normal(size=n)
+            if bend is not None:
+                lengths, masses, q = np.ones(n), np.append(np.ones(n - 1), factor), np.full(n, bend)
             arm = planar(lengths, masses)
             truth = exact_accelerations(lengths, masses, q, 0 * q, tau)
             ours = forward_dynamics(arm, q, 0 * q, tau, gravity=(0, 0, 0))
@@ -187,12 +192,17 @@ def articulated_bodies_lose_fewer_digits(result):
     draws = list(
         zip(result.rng.integers(8, longest + 1, 8), 10 ** result.rng.uniform(0, 6, 8), strict=True)
     )
+    inside = [better(int(n), load) for n, load in draws]
+    outside = [better(2, load) for _, load in draws] + [better(8, 1e-6) for _ in draws]
+    # Chosen to break it: equal links, straight or curled up. Outside: folded onto each other.
+    bends = {bend: errors(more, 1, 12, bend) for bend in (0.0, 2.0 * np.pi / more, np.pi)}
+    apart = [other > clear * ours for ours, other in bends.values()]
     result.statement_holds(
         short[1] > clear * short[0] and long[1] > clear * long[0],
-        only_if="the arm has many links (arms of {many:g} to {longest:g} were tried), and the last "
-        "one is at least as heavy as the others",
-        inside=[better(int(n), load) for n, load in draws],
-        outside=[better(2, load) for _, load in draws] + [better(8, 1e-6) for _ in draws],
+        only_if="the arm has many links (arms of {many:g} to {longest:g} were tried), the last one "
+        "is at least as heavy as the others, and the links are not folded onto each other",
+        inside=inside + apart[:2],
+        outside=outside + apart[2:],
     )
     result.correction_holds(
         0.4 < short[1] / short[0] < 2.5,
