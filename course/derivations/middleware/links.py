@@ -327,7 +327,7 @@ def joint_states_reliable(result):
         result.rng.uniform((0.1, 2e-4), (0.3, 7e-4), (8, 2)),
         result.rng.uniform((0.1, 1.3e-3), (0.3, 4e-3), (8, 2)),
     )
-    # Half of the repairs are lost as well, and a period has room for one repair.
+    # Chosen to break it: half of the repairs are lost as well, and a period has room for one.
     again_lost = [fresher(x, 9e-4) for x in (0.4, 0.5)]
     result.statement = "Joint states on the bus, 5 s each, looked at in all phases."
     result.statement_holds(

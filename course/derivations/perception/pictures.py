@@ -136,7 +136,8 @@ def pixels_are_independent(result):
         only_if="the noise is white (the window is one pixel), and the steps of the disparity are "
         "at most twice as large as the noise",
         inside=[abs(ratio(n, 1) - 1.0) < 0.3 for n in sides]
-        # Twice the noise is the edge of the condition, at distances on and off a step.
+        # Chosen to break it: steps of twice the noise, the edge of the condition, at distances on
+        # and off a step.
         + [abs(ratio(n, 1, step=0.05) - 1.0) < 0.3 for n in sides[:4]]
         + [
             abs(ratio(n, 1, step=0.2, z=1 + 0.002 * k) - 1.0) < 0.3 for k, n in enumerate(sides[:4])

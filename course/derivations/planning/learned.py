@@ -81,6 +81,8 @@ def learned_sampler_speeds_up(result):
     result.statement_holds(
         all(fewer(1) + fewer(2)),
         only_if="the worlds resemble those of the training, and the occupancy grid costs nothing",
+        # Chosen to break it: from the easiest quarter of the queries to nine in ten; outside, the
+        # same worlds turned, and an occupancy grid that the planner has to fill itself.
         inside=fewer(1),
         outside=fewer(2) + filled,
         cases=True,
