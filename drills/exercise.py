@@ -39,7 +39,8 @@ class Slip:
         after: text that comes behind the edited one.
         ends: the reason that shows this slip by itself, for one that never answers.
         cause: whether the arguments of the request that ended it can be what ended it.
-        generic: known to every exercise and recognised by its values, not by its text.
+        generic: recognised by its values or by the exercise's judge, not by comparing results with
+            those of its text.
     """
 
     name: str

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -213,6 +214,9 @@ def work(attempt: Attempt, answers: Sequence[Answer]) -> None:
 _SPEED = "speed = math.hypot(move[0], move[1]) + half * abs(move[2])"
 _REACH = "reach = gap / speed if speed > 0.0 else 1.0"
 _MIDDLE = "middle = 0.5 * (low + high)"
+# The evaluated shares show these two (`explain`). Equal verdicts don't: a search with a wrong reach
+# can miss the same obstacles as poses at a fixed spacing do.
+_BY_SHARES = ("fixed_spacing", "middle_only")
 
 SLIPS = slips(
     fixed_spacing=(
@@ -289,6 +293,7 @@ SLIPS = slips(
         "You evaluate the clearance of the same pose more than once. Store it.",
     ),
 )
+SLIPS = tuple(replace(slip, generic=slip.name in _BY_SHARES) for slip in SLIPS)
 
 EXERCISE = Exercise(
     judge=judge_of(
