@@ -15,24 +15,30 @@ SYMBOLS = {
 GRAVITY = 9.81  # m/s^2
 
 
-def _pendulum(x, v, foot, rate, seconds):
-    """Return position and velocity of the linear inverted pendulum, by Runge-Kutta steps."""
+def _pendulum(x, v, foot, rate, seconds, swing=0.0):
+    """Return position and velocity of the linear inverted pendulum, by Runge-Kutta steps.
+
+    The swing is the acceleration [m/s^2] from a change of the angular momentum about the centre of
+    mass: its rate over the mass and the height.
+    """
     from course.rigid_body.integrators import rk4
 
     n = max(1, int(np.ceil(seconds * rate * 200)))
     q, u = np.array([float(x)]), np.array([float(v)])
     for _ in range(n):
-        q, u = rk4(q, u, lambda p, *_: rate**2 * (p - foot), seconds / n, None)
+        q, u = rk4(q, u, lambda p, *_: rate**2 * (p - foot) + swing, seconds / n, None)
     return float(q[0]), float(u[0])
 
 
 @claim(
     "A step to the capture point brings a walking robot to rest.",
     "With the foot at {formula} the centre of mass comes to rest above it, and the remaining "
-    "distance falls with the rate w. That holds for a constant height and a foot that is there at "
-    "once. A foot that is {off:.0%} of the step short sends the robot away at the rate w: measured "
-    "{growth:.3f} w. A step that takes {late:.1f}/w must aim farther, since the distance from the "
-    "old foot to the capture point grows by a factor of {factor:.2f} meanwhile.",
+    "distance falls with the rate w. That holds for a constant height, a constant angular momentum "
+    "about the centre of mass, and a foot that is there at once and does not slip: swinging arms "
+    "move the capture point. A foot that is {off:.0%} of the step short sends the robot away at "
+    "the rate w: measured {growth:.3f} w. A step that takes {late:.1f}/w must aim farther, since "
+    "the distance from the old foot to the capture point grows by a factor of {factor:.2f} "
+    "meanwhile.",
     ask=(
         "The linear inverted pendulum x'' = w^2 (x - p) moves with v at x. Where must the foot p "
         "be placed so that it comes to rest?",
@@ -59,15 +65,26 @@ def capture_point_stops(result):
     result.formula = sympy.solve(sympy.expand(solved).coeff(sympy.exp(t * w)), p)[0]
     short, late = result.input("off", 0.01), result.input("late", 0.5)
 
-    def stops(height, x, v, error=0.0, wait=0.0, aim=False):
-        """Return whether the pendulum is at rest above its foot six time constants later."""
+    def stops(height, x, v, error=0.0, wait=0.0, aim=False, swing=0.0, slippery=np.inf):
+        """Return whether the pendulum is at rest above its foot six time constants later.
+
+        Arms may swing, with the angular momentum the same before and after; the friction may be
+        this share of the friction that the foot needs.
+        """
         rate = np.sqrt(GRAVITY / height)
         foot = x + v / rate
         if aim:
             foot *= np.exp(rate * wait)  # the old foot is at 0
         x, v = _pendulum(x, v, 0.0, rate, wait) if wait else (x, v)
         foot += error * v / rate
-        x, v = _pendulum(x, v, foot, rate, 6.0 / rate)
+        if slippery < 1.0:
+            # The foot needs the friction |x - foot| / height. With less it slides along, so that
+            # the friction brakes the body, and stops ahead of it when the body stands.
+            mu = slippery * abs(x - foot) / height
+            x, v, foot = x + v * abs(v) / (2.0 * mu * GRAVITY), 0.0, np.sign(v) * mu * height
+            foot += x
+        for seconds, turning in ((0.2, swing), (0.2, -swing), (5.6, 0.0)):
+            x, v = _pendulum(x, v, foot, rate, seconds / rate, turning * rate**2)
         return abs(v) < 0.02 and abs(x - foot) < 0.02
 
     def drawn(**changed):
@@ -84,17 +101,28 @@ def capture_point_stops(result):
     x_, v_ = _pendulum(0.0, 1.0, 0.0, rate, late / rate)
     factor = result.measure("factor", (x_ + v_ / rate) * rate, 1e-4)
     result.statement = "Runge-Kutta steps of the pendulum at heights of 0.3 to 1.5 m."
+    late_steps = [drawn(wait=0.1) for _ in range(8)]
+    exact = [drawn() for _ in range(16)]
+    missed = [drawn(error=e) for e in (-0.1, -0.03, 0.03, 0.1)]
+    missed += [drawn(wait=s) for s in (0.02, 0.05, 0.1, 0.2)]
+    aimed = [drawn(wait=s, aim=True) for s in result.rng.uniform(0.02, 0.2, 8)]
+    # Chosen to break it: bodies far from the old foot, before and behind it; arms that swing and
+    # come to rest again; floors with too little friction for this step.
+    far = [stops(0.9, x, v) for x, v in ((-3.0, 0.2), (3.0, 0.2), (-2.0, -2.0), (0.0, 6.0))]
+    disturbed = [drawn(swing=x) for x in (-0.2, -0.05, 0.05, 0.2)]
+    disturbed += [drawn(slippery=x) for x in (0.5, 0.8, 0.95)]
     result.statement_holds(
-        all(drawn(wait=0.1) for _ in range(8)),
-        only_if="the height stays constant and the foot is at the point at once and exactly",
-        inside=[drawn() for _ in range(16)],
-        outside=[drawn(error=e) for e in (-0.1, -0.03, 0.03, 0.1)]
-        + [drawn(wait=s) for s in (0.02, 0.05, 0.1, 0.2)],
+        all(late_steps),
+        only_if="the height and the angular momentum about the centre of mass stay constant, and "
+        "the foot is at the point at once and exactly and does not slip",
+        inside=[*exact, *far],
+        outside=[*missed, *disturbed],
     )
     result.correction_holds(
         abs(growth - 1.0) < 1e-3,
         abs(factor - np.exp(late)) < 1e-3,
-        all(drawn(wait=s, aim=True) for s in result.rng.uniform(0.02, 0.2, 8)),
+        all(aimed),
+        not any(disturbed),
     )
 
 
@@ -104,7 +132,8 @@ def capture_point_stops(result):
     "the distance to the capture point grows by exp(w T), and a step takes away l at most. "
     "Infinitely many steps stop it only if the capture point is within {formula} of the foot. For "
     "{l:g} m, {T:g} s and a rate of {w:g} per second that is {limit:.3f} m. One step covers "
-    "{one:.0%} of it, three cover {three:.0%}.",
+    "{one:.0%} of it, three cover {three:.0%}. Sideways, where a leg cannot pass the other one, "
+    "only every second step takes anything away, and the limit is {side:.0%} of it.",
     ask=(
         "A point-footed linear inverted pendulum of rate w takes steps of at most l, each after a "
         "time T. Up to which distance between foot and capture point can it ever stop?",
@@ -154,37 +183,75 @@ def enough_steps_stop(result):
     def bound(rate=rate, step=step, reach=reach):
         return float(result.formula.subs({w: rate, T: step, length: reach}))
 
-    def stopped(share, rate, step, reach):
-        """Return whether longest steps towards the capture point reach it within 60."""
+    def stopped(share, rate, step, reach, sideways=False):
+        """Return whether longest steps towards the capture point reach it within 60.
+
+        Sideways, every second step only closes the legs.
+        """
         foot, point = 0.0, share * bound(rate, step, reach)
-        for _ in range(60):
+        for k in range(60):
             point = foot + np.exp(rate * step) * (point - foot)
-            foot += np.clip(point - foot, -reach, reach)
+            if not (sideways and k % 2):
+                foot += np.clip(point - foot, -reach, reach)
             if abs(point - foot) < 1e-9:
                 return True
         return False
+
+    def rests(share, rate, step, reach):
+        """Return whether such steps in the plane bring a body to rest that starts anywhere."""
+        bearing, grow = result.rng.uniform(0.0, 2.0 * np.pi), np.exp(rate * step)
+        foot = np.zeros(2)
+        x = result.rng.uniform(-3.0, 3.0, 2) * reach
+        point = share * bound(rate, step, reach) * np.array([np.cos(bearing), np.sin(bearing)])
+        for _ in range(60):
+            # The centre of mass has a growing part, the capture point, and one that decays.
+            decaying = (2.0 * x - point - foot) / grow
+            point = foot + grow * (point - foot)
+            x = 0.5 * (point + foot + decaying)
+            gap = point - foot
+            foot = foot + gap * min(1.0, reach / max(float(np.linalg.norm(gap)), 1e-12))
+        speed = rate * (point - x)
+        return float(np.linalg.norm(speed)) < 1e-6 and float(np.linalg.norm(x - foot)) < 1e-6
 
     limit = result.measure("limit", bound(), 1e-6)
     shares = [farthest(n) / limit for n in (1, 3, 12)]
     result.measure("one", shares[0], 1e-4)
     result.measure("three", shares[1], 1e-4)
 
-    def drawn(low, high):
+    def drawn(low, high, test=stopped, **more):
         a, b, c, u = result.rng.uniform(0.0, 1.0, 4)
-        return stopped(low + u * (high - low), 2.0 + 3.0 * a, 0.2 + 0.4 * b, 0.2 + 0.8 * c)
+        return test(low + u * (high - low), 2.0 + 3.0 * a, 0.2 + 0.4 * b, 0.2 + 0.8 * c, **more)
+
+    low, high = 0.0, 1.0
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        reached = stopped(middle, rate, step, reach, sideways=True)
+        low, high = (middle, high) if reached else (low, middle)
+    side = result.measure("side", low, 1e-4)
 
     series = [sum(np.exp(-rate * step * k) for k in range(1, n + 1)) * reach for n in (1, 3, 12)]
     result.statement = "Steps towards the capture point, and a linear program over all footholds."
+    pushed = drawn(1.02, 1.5)
+    near = [drawn(0.0, 0.98) for _ in range(16)]
+    beyond = [drawn(1.02, 1.5) for _ in range(16)]
+    # Chosen to break it: pushes in any direction of the plane, of a body anywhere around its foot;
+    # and pushes sideways, where legs cannot cross.
+    spread = [drawn(0.9, 0.98, rests) for _ in range(8)]
+    crossed = [drawn(0.96, 0.98, sideways=True) for _ in range(8)]
     result.statement_holds(
-        drawn(1.02, 1.5),
-        only_if="the capture point is within {formula} of the foot, {limit:.3f} m in the example",
-        inside=[drawn(0.0, 0.98) for _ in range(16)],
-        outside=[drawn(1.02, 1.5) for _ in range(16)],
+        pushed,
+        only_if="the capture point is within {formula} of the foot, {limit:.3f} m in the example, "
+        "and every step can take l off this distance",
+        inside=near + spread,
+        outside=beyond + crossed,
     )
     result.correction_holds(
         bool(np.allclose(np.array(shares) * limit, series, rtol=1e-6)),
         shares[0] < shares[1] < shares[2] < 1.0,
         shares[2] > 0.99,
+        # Two periods of growth for one step.
+        abs(side - 1.0 / (1.0 + np.exp(-rate * step))) < 1e-4,
+        not any(crossed),
     )
 
 
@@ -380,11 +447,16 @@ def pyramid_halves_its_loss(result):
     "{ideal_half:.0%} longer. On the arm of the check, with samples of {dt_ms:g} ms, the best "
     "threshold is {share:.0%}, with a delay of {best_ms:.1f} ms for a touch of {touch:g} N m. "
     "There half of that gain takes {half:.0%} longer, {more:g} times that gain {double:.0%}, and "
-    "at twice that gain the touch is never noticed without the help of noise.",
+    "at twice that gain the touch is never noticed without the help of noise. A touch that grows "
+    "slowly is noticed later at a higher gain. So is every touch if the noise is that of the "
+    "speed, which passes in proportion to K.",
     source="A. De Luca and others, Collision detection and safe reaction with the DLR-III, 2006",
 )
 def gain_notices_sooner(result):
+    from itertools import pairwise
+
     from scipy.optimize import brentq, minimize_scalar
+    from scipy.signal import lfilter
 
     from course.kinematics.dynamics import bias, forward_dynamics, mass_matrix
     from course.kinematics.two_link import TwoLink
@@ -415,12 +487,15 @@ def gain_notices_sooner(result):
     model = np.einsum("ijk,jk->ik", turning, vm) / (2.0 * small)
     model = model - bias(chain, qm, vm, gravity=flat)
 
-    def residuals(gains, error):
-        """Return the residual of joint 2 for each gain over the samples, (n, gains)."""
+    def residuals(gains, error, shaken=0.0):
+        """Return the residual of joint 2 for each gain over the samples, (n, gains).
+
+        The errors are those of the torque and of the momentum.
+        """
         r, total, rows = np.zeros(len(gains)), np.zeros(len(gains)), []
-        known = motors[1] + error + model[1]
+        known, measured = motors[1] + error + model[1], momentum[1] + shaken
         for k in range(n):
-            r = gains * (momentum[1, k] - momentum[1, 0] - total)
+            r = gains * (measured[k] - momentum[1, 0] - total)
             rows.append(r)
             total = total + dt * (known[k] + r)
         return np.array(rows)
@@ -471,12 +546,35 @@ def gain_notices_sooner(result):
         factor = low + (high - low) * rng.uniform()
         return waits(1.1 * factor) < waits(factor)
 
+    below, above = ([sooner(*x) for _ in range(12)] for x in ((0.1, 0.85), (1.1, 1.7)))
+
+    def caught(profile, factor):
+        """Return the samples until the residual of an external torque passes its threshold."""
+        gain = factor * best_gain
+        # The arm above shows that the residual is this first-order filter of the torque.
+        row = lfilter([dt * gain], [1.0, dt * gain - 1.0], profile)
+        passed = np.flatnonzero(row > k_sigma * np.sqrt(gain * density / 2.0))
+        return int(passed[0]) if passed.size else np.inf
+
+    # Chosen to break it: touches that grow, that end too soon, or that are so strong that they are
+    # noticed at the next sample; and noise of the measured speed instead of the torques.
+    time = dt * np.arange(n)
+    grows = [np.minimum(time / seconds, 1.0) * touch for seconds in (0.05, 0.2)]
+    others = [*grows, touch * (time < 1e-3), np.full(n, 100.0 * touch)]
+    slower = [
+        caught(profile, 1.5 * f) < caught(profile, f) for profile in others for f in (0.3, 0.6)
+    ]
+    shaken = mass_matrix(chain, q0)[1, 1] * rng.normal(0.0, 1e-3, n)
+    rough = (residuals(gains, np.zeros(n), shaken) - quiet)[500:].std(axis=0) / gains
+    in_speed = [delay(0.5 * f, f * best_gain) for f in (0.2, 0.4, 0.8, 1.6)]
+    slower += [late < early for early, late in pairwise(in_speed)]
     result.statement_holds(
         waits(more) < waits(1.0),
-        only_if="the threshold, in standard deviations of the residual, stays below {share:.0%} of "
-        "the touch's torque",
-        inside=[sooner(0.1, 0.85) for _ in range(12)],
-        outside=[sooner(1.1, 1.7) for _ in range(12)],
+        only_if="the touch's torque comes at once and stays, the noise is white noise of the "
+        "torques, the delay is long compared with a sample, and the threshold, in standard "
+        "deviations of the residual, stays below {share:.0%} of the touch's torque",
+        inside=below,
+        outside=above + slower,
     )
     result.correction_holds(
         bool(np.all(np.abs(spread / theory - 1.0) < 0.15)),
@@ -486,4 +584,6 @@ def gain_notices_sooner(result):
         abs(1.0 + half - 2.0 * np.log1p(-share / np.sqrt(2.0)) / np.log1p(-share)) < 0.018,
         abs(1.0 + double - np.log1p(-share * np.sqrt(more)) / more / np.log1p(-share)) < 0.06,
         np.isinf(waits(2.0 * optimum.x)),
+        not any(slower),
+        np.ptp(rough) < 0.05 * rough.mean(),
     )

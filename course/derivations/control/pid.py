@@ -13,9 +13,10 @@ from course.derivations import claim
     "small: with kp {kp:.0f} and ki {ki:.0f} the overshoot is {slow_clamped_rad:.2f} rad "
     "with it, {slow_free_rad:.2f} without, and none with conditional integration. One "
     "narrower than the load leaves an error for ever: {error_left_by_narrow_clamp_rad:.2f} "
-    "rad. Conditional integration needs no range, and a jam that keeps the command at its "
-    "limit adds nothing to the integral. A jam with the command below its limit still winds "
-    "up, by {short_jam_rad:.2f} rad.",
+    "rad. One that is symmetric about zero also winds up where the set-point is on the side to "
+    "which the load pulls. Conditional integration needs no range, and a jam that keeps the "
+    "command at its limit adds nothing to the integral. A jam with the command below its limit "
+    "still winds up, by {short_jam_rad:.2f} rad.",
     source="K. J. Astrom, T. Hagglund, Advanced PID Control, 2006, sec. 3.5",
 )
 def integral_clamp(result):
@@ -24,13 +25,13 @@ def integral_clamp(result):
     class Clamped(PID):
         """The same controller, its integral clamped to a range and integrated always."""
 
-        bound = np.inf
+        bound = floor = np.inf
 
         def update(self, setpoint, measurement):
             before = self.integral
             command = super().update(setpoint, measurement)
             free = before + self.ki * (setpoint - measurement) * self.dt
-            self.integral = min(max(free, -self.bound), self.bound)
+            self.integral = min(max(free, -self.floor), self.bound)
             return command
 
     dt, steps = 0.002, 5000
@@ -38,20 +39,23 @@ def integral_clamp(result):
     inertia, friction = result.input("inertia", 0.05), result.input("friction", 0.2)
     push, damping_gain = result.input("load_n_m", 0.3), result.input("kd", 0.5)
 
-    def run(bound=None, kp=4.0, ki=ki_jam, load=push, jam=3.0, target=1.0, kd=damping_gain):
+    def run(
+        bound=None, kp=4.0, ki=ki_jam, load=push, jam=3.0, target=1.0, kd=damping_gain, floor=None
+    ):
         """Return (overshoot, error at the end) [rad] of a joint that is blocked first.
 
-        Bound None is conditional integration.
+        Bound None is conditional integration. The range is from -floor, or -bound, to the bound.
         """
         gains = {"kp": kp, "ki": ki, "kd": kd, "dt": dt, "u_min": -2.0, "u_max": 2.0, "tau": 0.01}
         controller = PID(**gains)
         if bound is not None:
             controller = Clamped(**gains)
-            controller.bound = bound
+            controller.bound, controller.floor = bound, bound if floor is None else floor
         joint = ExactJoint(inertia=inertia, damping=friction, dt=dt, load=-load)
         blocked = np.arange(steps) < round(jam / dt)
         angles, _ = closed_loop(controller, joint, np.full(steps, target), blocked)
-        return np.max(angles) - target, target - angles[-1]
+        side = np.sign(target)
+        return np.max(side * angles) - abs(target), side * (target - angles[-1])
 
     jam = result.input("blocked_s", 3)
     kp, ki = result.input("kp", 4), result.input("ki", 1)
@@ -75,21 +79,28 @@ def integral_clamp(result):
         values = result.rng.uniform(low, high)
         return dict(zip(("kp", "ki", "load", "jam", "kd"), values, strict=True))
 
-    def cured(share):
+    def cured(share, floor=0.0, **changed):
         """Return whether a clamp at a share of the load adds no overshoot, and leaves no error."""
-        case = drawn()
+        case = drawn() | {"floor": floor} | changed
         bound = share * case["load"]
         overshoot, remaining = run(bound, **case)
         return overshoot - max(run(bound, **case | {"jam": 0})[0], 0.0) < 0.05 and remaining < 0.02
 
+    inside = [cured(share) for share in result.rng.uniform(1.0, 1.04, 8)]
+    outside = [cured(share) for share in (0.7, 0.8, 0.9, 2, 3, 4, 5, 6)]
+    cases = [drawn() for _ in range(8)]
+    # Chosen to break it: set-points near the start, also on the side to which the load pulls. There
+    # a range that is symmetric about zero lets the I term wind up to the other side.
+    inside += [cured(1.03, target=x, ki=4.0) for x in (0.05, -0.1, -1.0)]
+    pulled = {"target": -0.1, "ki": 4.0, "jam": 4.0}
+    symmetric = [cured(1.03, None, kp=x, load=0.15 * x, **pulled) for x in (4.0, 8.0)]
     result.statement_holds(
         wide < 0.5 * free and slow_clamped < 0.5 * slow_free,
-        only_if="the range is a few per cent above what the load needs, and the load "
+        only_if="the range is from zero to a few per cent above what the load needs, and the load "
         "is known and constant",
-        inside=[cured(share) for share in result.rng.uniform(1.0, 1.04, 8)],
-        outside=[cured(share) for share in (0.7, 0.8, 0.9, 2, 3, 4, 5, 6)],
+        inside=inside,
+        outside=outside + symmetric,
     )
-    cases = [drawn() for _ in range(8)]
     added = [run(**case)[0] - max(run(**case | {"jam": 0})[0], 0.0) for case in cases]
     result.correction_holds(
         abs(wide - free) < 1e-9,
@@ -99,6 +110,7 @@ def integral_clamp(result):
         run(None, kp, ki)[0] < 0,
         max(added) < 0.01,
         short > 0.05,
+        not any(symmetric),
     )
 
 
@@ -196,13 +208,28 @@ def angle_error_wraps(result):
         moved = _turn(angle + gap, angle, wrapped=False)
         return abs(np.abs(np.diff(moved)).sum() - abs(_wrap(gap))) < 0.05
 
+    def swinging(reference, gap):
+        """Return the largest plain difference of a lightly damped joint, and if wrapping alters it.
+
+        The difference is that of the wrapped law, which always takes the short direction.
+        """
+        wrapped, plain = (
+            _turn(reference, reference - gap, wrapped=x, kd=1.0) for x in (True, False)
+        )
+        return np.abs(reference - _wrap(wrapped)).max(), np.allclose(wrapped, plain, atol=1e-9)
+
     signs = np.resize([1.0, -1.0], 8)
+    within = [shortest(gap) for gap in signs * result.rng.uniform(0.1, np.pi - 0.01, 8)]
+    across = [shortest(gap) for gap in signs * result.rng.uniform(1.02, 1.3, 8) * np.pi]
+    # Chosen to break it: joints that overshoot, up to just before the seam of the encoder or across
+    # it.
+    swings = [swinging(x, gap) for x, gap in ((2.2, 1.0), (-2.2, -1.0), (2.9, 1.0), (-0.1, 3.0))]
     result.statement_holds(
         long < 2.0 * travel,
         only_if="the difference stays below half a turn during the whole motion, overshoot "
         "included",
-        inside=[shortest(gap) for gap in signs * result.rng.uniform(0.1, np.pi - 0.01, 8)],
-        outside=[shortest(gap) for gap in signs * result.rng.uniform(1.02, 1.3, 8) * np.pi],
+        inside=within + [same for largest, same in swings if largest < np.pi],
+        outside=across + [same for largest, same in swings if not largest < np.pi],
     )
     result.correction_holds(
         abs(long - error) < 1.0,

@@ -38,11 +38,13 @@ def mpc_beats_clipping(result):
         return gain, any(b not in (0, a) for a, b in pairwise(met))
 
     starts = 10 ** result.rng.uniform(-1.7, 0.2, (30, 1)) * result.rng.normal(size=(30, 2))
-    draws = [saved(x) for x in [*starts, np.array([-0.14, 0.3])]]  # the last one brakes too late
+    # Chosen to break it: from the last start the clipped law brakes too late.
+    draws = [saved(x) for x in [*starts, np.array([-0.14, 0.3])]]
     coming, less = ([s for s, late in draws if late == desired] for desired in (True, False))
     result.measure("gain", 1 + saved(np.array([far, 0.0]))[0], 1e-3)
 
-    # An oscillator of which K B < 0: a first command pushes the next one the other way.
+    # Chosen to break it: an oscillator of which K B < 0, where a first command pushes the next one
+    # the other way.
     turn = np.radians(result.input("turn_deg", 120.0))
     A = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     B, Q, R = np.array([[0.0], [1.0]]), np.eye(2), 0.1 * np.eye(1)

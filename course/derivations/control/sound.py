@@ -55,7 +55,8 @@ def hold_is_half_a_sample(result):
 @claim(
     "A rate that is low-passed with a time constant tau is late by tau.",
     "Under constant acceleration it is late by tau and the half sample of the difference: "
-    "{filtered_ms:.2f} ms with {tau_ms:g} ms at {rate_hz:.0f} Hz. In a motion at the angular "
+    "{filtered_ms:.2f} ms with {tau_ms:g} ms at {rate_hz:.0f} Hz. After a start from rest, the lag "
+    "needs a few tau to grow to this. In a motion at the angular "
     "frequency w a filter delays by about atan(w tau)/w, and the difference by half a sample: at "
     "w = 1/tau, the rate of this sampled filter is only {sine_ms:.1f} ms late. A tracking observer "
     "with the same time constant is late by {observer_ms:.2f} ms "
@@ -88,13 +89,25 @@ def filtered_rate_is_late(result):
     result.measure("share", spreads[0] / spreads[1], 0.05)
     taus = result.rng.uniform(10 * dt, 0.1, 8)
     slow, fast = result.rng.uniform(0.02, 0.2, 8), result.rng.uniform(0.8, 3.0, 8)
+
+    def since_start(after, tau):
+        """Return the lag under constant acceleration, a multiple of tau after a start [s]."""
+        k = round(after * tau / dt)
+        return t[k] - rates(0.5 * t[: k + 1] ** 2, dt, "filtered", tau)[-1]
+
+    # Chosen to break it: the time just after a start, before the filter has followed.
+    early, later = result.rng.uniform(0.2, 1.2, 8), result.rng.uniform(4.0, 8.0, 8)
+    started = [since_start(after, x) / x for after, x in zip(early, taus, strict=True)]
     result.statement = "Lag under a steady acceleration and in sines, and what white noise becomes."
     result.statement_holds(
         abs(sine_lag(1.0, tau) / tau - 1) < 0.06,
-        only_if="the motion is slow compared with 1/tau, and tau is long compared with the sample",
+        only_if="the motion has been slow compared with 1/tau for at least four tau, and tau is "
+        "long compared with the sample",
         inside=[abs(lag("filtered", x) / x - 1) < 0.06 for x in taus]
-        + [abs(sine_lag(turn, x) / x - 1) < 0.06 for turn, x in zip(slow, taus, strict=True)],
-        outside=[abs(sine_lag(turn, x) / x - 1) < 0.06 for turn, x in zip(fast, taus, strict=True)]
+        + [abs(sine_lag(turn, x) / x - 1) < 0.06 for turn, x in zip(slow, taus, strict=True)]
+        + [abs(since_start(after, x) / x - 1) < 0.06 for after, x in zip(later, taus, strict=True)],
+        outside=[abs(ratio - 1) < 0.06 for ratio in started]
+        + [abs(sine_lag(turn, x) / x - 1) < 0.06 for turn, x in zip(fast, taus, strict=True)]
         + [abs(lag("filtered", x) / x - 1) < 0.06 for x in result.rng.uniform(0.5, 5.0, 8) * dt],
     )
     result.correction_holds(
@@ -104,6 +117,11 @@ def filtered_rate_is_late(result):
         ),
         all(abs(lag("filtered", x) - x - dt / 2) < 1e-9 for x in taus / 20),
         lag("observer", tau) > 1.9 * lag("filtered", tau),
+        # The part of the lag that has built up since the start.
+        all(
+            abs(ratio - (1.0 - np.exp(-after))) < 0.06
+            for ratio, after in zip(started, early, strict=True)
+        ),
     )
 
 

@@ -75,8 +75,11 @@ def cascade_beats_pid(result):
     "A Smith predictor takes the delay out of the loop, so its gains can be chosen as if there "
     "were no delay.",
     "With the exact delay and model the characteristic polynomial is that of the loop without "
-    "delay, times a power of z. An aggressive design depends on it. For both poles at -{p:g}/s and "
-    "an assumed delay of {late:g} ms, PD alone is unstable. The predictor is stable only while "
+    "delay, times a power of z. That is true of a predictor that starts from the measured state. "
+    "Smith's original one runs a model beside the plant, which leaves the plant's own eigenvalues "
+    "in the loop, so an unstable plant stays unstable. An aggressive design depends on the delay. "
+    "For both poles at -{p:g}/s and an assumed delay of {late:g} ms, PD alone is unstable. The "
+    "predictor is stable only while "
     "the true delay is between {low:.2f} and {high:.2f} of the assumed one. For poles at "
     "-{slow:g}/s every delay down to none and up to {slow_high:.1f} times the assumed one is "
     "stable. A constant load leaves "
@@ -85,6 +88,8 @@ def cascade_beats_pid(result):
     "Olbrot, Finite spectrum assignment problem for systems with delays, 1979",
 )
 def smith_removes_the_delay(result):
+    from scipy.linalg import expm
+
     from course.control import growth, held, joint_system, loop_matrix, pid_law, structures
 
     dt, late = 1e-3, result.input("late", 20)
@@ -122,12 +127,45 @@ def smith_removes_the_delay(result):
     )
     wrong = [as_without(p, n, share) for (p, n), share in zip(cases, [0.8, 1.2] * 5, strict=True)]
     wrong += [as_without(p, n, inertia=0.6) for p, n in cases]
+
+    def carried(p, n, torque, original):
+        """Return (growth with a predictor, that without delay, that of the plant).
+
+        The plant is the joint with a torque proportional to its angle [N m/rad], which gravity
+        makes positive for a link that stands upright.
+        """
+        pull = np.array([[0.0, 1.0, 0.0], [torque / 0.5, -1.0, 2.0], [0.0, 0.0, 0.0]])
+        whole = expm(pull * dt)
+        A, B, K = whole[:2, :2], whole[:2, 2], np.array([0.5 * p * p + torque, p - 0.5])
+        # The state of the loop: the plant, the commands sent and, for the original form, the model
+        # without the delay and the model with it.
+        size = 6 + n if original else 2 + n
+        rows = np.eye(size)
+        known, sent = rows[:2], rows[2 : 2 + n]
+        if original:
+            model, delayed = rows[-4:-2], rows[-2:]
+            law = -K @ (model + known - delayed)
+            beside = [A @ model + np.outer(B, law), A @ delayed + np.outer(B, sent[-1])]
+        else:
+            ahead, beside = known, []
+            for command in sent[::-1]:
+                ahead = A @ ahead + np.outer(B, command)
+            law = -K @ ahead
+        loop = np.vstack([A @ known + np.outer(B, sent[-1]), law, sent[:-1], *beside])
+        parts = loop, A - np.outer(B, K), A
+        return [float(np.abs(np.linalg.eigvals(part)).max()) for part in parts]
+
+    # Chosen to break it: a plant that falls over by itself, under both forms of the predictor.
+    torques = result.rng.uniform(2.0, 20.0, 4)
+    upright = [carried(p, n, x, False) for (p, n), x in zip(cases, torques, strict=False)]
+    classical = [carried(p, n, x, True) for (p, n), x in zip(cases, torques, strict=False)]
     result.statement = "Growth of the loop's matrix, with delays and inertias that differ."
     result.statement_holds(
         stable(0.8) and stable(1.2),
-        only_if="delay and model are exact",
-        inside=[as_without(p, n) for p, n in cases],
-        outside=wrong,
+        only_if="delay and model are exact, and the prediction starts from the measured state",
+        inside=[as_without(p, n) for p, n in cases]
+        + [abs(loop - known) < 1e-6 for loop, known, _ in upright],
+        outside=wrong + [abs(loop - known) < 1e-6 for loop, known, _ in classical],
     )
     result.correction_holds(
         bare > 1.0,
@@ -136,6 +174,7 @@ def smith_removes_the_delay(result):
         not stable(high + 0.02 * (high - 1)),
         near == 0.0,
         load > 1.0,
+        all(loop > 1.0 and abs(loop - alone) < 1e-6 for loop, _, alone in classical),
     )
 
 

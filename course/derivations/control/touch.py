@@ -253,6 +253,16 @@ def vibration_needs_softness(result):
         + [
             calmed(TouchLaw(x, 800.0, mass=8.0, give=400.0))
             for x in result.rng.uniform(4e5, 8e5, 8)
+        ]
+        # Chosen to break it: soft and hard walls, with active damping that moves the limit.
+        + [
+            calmed(TouchLaw(x * touch.stiffest(k, damping=d), d), k)
+            for x, k, d in zip(
+                result.rng.uniform(1.05, 15.0, 6),
+                (1e2, 1e2, 1e4, 1e4, 1e6, 1e6),
+                (100.0, 2000.0, 100.0, 2000.0, 100.0, 800.0),
+                strict=True,
+            )
         ],
         outside=[calmed(force), calmed(give)]
         + [calmed(TouchLaw(100.0, 0.0, force_gain=x * gain)) for x in result.rng.uniform(1, 4, 6)],

@@ -202,7 +202,8 @@ def adaptive_finds_parameters(result):
     "Adaptive control is proved stable: a sum of squares, of the tracking error and of the "
     "parameter error, can only fall.",
     "In continuous time it can only fall. A sampled controller corrects its estimate with "
-    "the error of the last sample. From {far:.1f} rad off the motion, with the true "
+    "the error of the last sample, and the sum does not fall below what the hold leaves: a start "
+    "on the motion itself raises it. From {far:.1f} rad off the motion, with the true "
     "parameters as a start, the sum grows {coarse:.1f} times within the first second at "
     "{coarse_hz:.0f} Hz. At {fine_hz:.0f} Hz it falls to {fine:.2f} of its start. At "
     "{slow_hz:.0f} Hz an offset of {near:.1f} rad is enough to lose control of the arm. With "
@@ -277,7 +278,8 @@ def adaptive_sum_can_only_fall(result):
         good = run(offset, hz, 0.2, at=at, watch=True)[0] <= 1.0 + 1e-9
         return good, 5.0 * largest[0] / (2.5 * hz), 5.0 * largest[1] / (2.5 * hz)
 
-    # Starts on either side, anywhere on the motion: |Y| may grow on the way.
+    # Chosen to break it: starts on either side, anywhere on the motion, so that |Y| may grow on the
+    # way.
     draws = [
         falls(offset, hz, at)
         for offset, hz, at in zip(
@@ -288,17 +290,25 @@ def adaptive_sum_can_only_fall(result):
             strict=True,
         )
     ]
+    # Also chosen to break it: starts closer to the motion than the error that the hold leaves.
+    close = []
+    for at in result.rng.uniform(0.0, 6.0, 3):
+        rose = run(np.full(2, 1e-5), coarse, 0.1, at=at, watch=True)[0] > 1.0
+        close.append(rose and 5.0 * largest[0] / (2.5 * coarse) < 1.0)
     fell, grew = ([start for good, _, start in draws if good == kind] for kind in (True, False))
     result.statement_holds(
         grown <= 1.0,
         only_if="dt times the adaptation gain times |Y|^2 stays below the damping during the whole "
-        "motion, not only at its start",
+        "motion, not only at its start, and the start is farther off the motion than the error "
+        "that the hold leaves",
         inside=[good for good, measure, _ in draws if measure < 1.0],
-        outside=[good for good, measure, _ in draws if not measure < 1.0],
+        outside=[good for good, measure, _ in draws if not measure < 1.0]
+        + [not rose for rose in close],
     )
     result.correction_holds(
         # What |Y| is at the start decides nothing.
         min(grew) < max(fell),
+        all(close),
         grown > 1.5,
         fallen < 1.0,
         not lost < 1e3,

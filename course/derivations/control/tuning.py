@@ -17,12 +17,19 @@ SYMBOLS = {
 J, B = 0.5, 0.5  # the joint of the worked example [kg m^2, N m s/rad]
 
 
-def _step(gains, *, joint=None, delay=0.0, dt=1e-3, seconds=8.0, target=1.0, **more):
+def _step(gains, *, joint=None, delay=0.0, dt=1e-3, seconds=8.0, target=1.0, bits=0, **more):
     """Return (record, metrics) of a step."""
     from course.control import Actuator, Encoder, Joint, run_joint, step_metrics
 
     run = run_joint(
-        joint or Joint(J, B), Actuator(delay=delay), Encoder(), gains, target, dt, seconds, **more
+        joint or Joint(J, B),
+        Actuator(delay=delay),
+        Encoder(bits),
+        gains,
+        target,
+        dt,
+        seconds,
+        **more,
     )
     return run, step_metrics(run.times, run.q, target)
 
@@ -46,7 +53,10 @@ def _growth(kp, ki, kd, delay=0.0, dt=1e-3, tau=0.0):
     "P alone overshoots.",
     "From rest and without delay the friction alone prevents overshoot below {formula}. With "
     "J = {inertia:g} and b = {damping:g} a gain of {low_n_m_per_rad:.3f} N m/rad approaches "
-    "the target from one side, and {high:.0f} overshoots by {over:.0%}.",
+    "the target from one side, and {high:.0f} overshoots by {over:.0%}. Below that gain, a joint "
+    "that already moves overshoots only if it starts towards the target faster than its distance "
+    "times the decay rate of the faster pole. A delay lowers the gain. A load or dry friction can "
+    "stop the joint short of the target at a higher gain too.",
     ask=(
         "J q'' + b q' = kp (q_d - q), continuous. Up to which kp is there no overshoot?",
         "kp < b^2/(4*J)",
@@ -67,12 +77,23 @@ def p_alone_overshoots(result):
     bare = sympy.discriminant(inertia * s**2 + friction * s + kp, s)
     result.formula = sympy.solve(bare, kp)[0]
 
-    def over(J, b, share, late=0.0, speed=0.0):
+    def over(J, b, share, late=0.0, speed=0.0, load=0.0, dry=0.0):
+        """Return the overshoot at a share of the formula's gain; load and dry friction over kp."""
         kp = share * float(result.formula.subs({inertia: J, friction: b}))
         # Times in units of J / b, so that every drawn joint is sampled equally finely.
-        joint, slow = Joint(J, b), J / b
+        joint, slow = Joint(J, b, load * kp, dry * kp), J / b
         more = {"delay": late * slow, "start": (0.0, speed / slow, 0.0)}
         return _overshoot(kp, 0, 0, joint=joint, dt=2e-3 * slow, seconds=60 * slow, **more)
+
+    def faster(share):
+        """Return the decay rate of the faster pole at a share of the formula's gain [b/J]."""
+        return 0.5 * (1.0 + np.sqrt(1.0 - share))
+
+    def allowed(late):
+        """Return the share of the formula's gain up to which a delay [J/b] leaves a real pole."""
+        # At the decay rate x b/J the characteristic equation needs this share of the gain.
+        x = np.linspace(0.0, 1.0, 2001)
+        return float(np.max(4.0 * x * (1.0 - x) * np.exp(-x * late)))
 
     mine, own = result.input("inertia", J), result.input("damping", B)
     result.measure("low_n_m_per_rad", result.formula.subs({inertia: mine, friction: own}))
@@ -82,16 +103,32 @@ def p_alone_overshoots(result):
     draws = result.rng.uniform([0.1, 0.1], [2, 2], (8, 2))
     # Shares of the critical gain: 1.6 and more overshoot visibly within the run.
     above, below = (1.6, 1.8, 2, 4, 8, 20, 50, 90), np.linspace(0.2, 0.98, 8)
+    # Chosen to break it: starts away from the target, or a little slower than the faster pole
+    # needs; gains just below the limit that a delay sets; loads and dry friction at high gains.
+    starts = list(
+        zip(draws, result.rng.uniform(0.2, 0.95, 4), (-3.0, 0.3, 0.9, 0.99), strict=False)
+    )
+    delays = list(zip(draws, result.rng.uniform(0.5, 3.0, 4), strict=False))
+    calm = [over(*d, share, speed=x * faster(share)) for d, share, x in starts]
+    calm += [over(*d, 0.95 * allowed(late), late) for d, late in delays]
+    calm += [over(*draws[0], share, load=-0.6) for share in (2.0, 20.0)]
+    calm += [over(*draws[0], share, dry=0.6) for share in (2.0, 20.0)]
     result.statement_holds(
         over(J, B, 0.9) > 0,
-        only_if="kp is above b^2/(4*J), or above a smaller gain with a delay or a speed at the "
-        "start",
+        only_if="kp is above b^2/(4*J), or above the lower gain that a delay allows, or the start "
+        "towards the target is faster than the distance times the decay rate of the faster pole; "
+        "and neither a load nor dry friction stops the joint short of the target",
         inside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, above, strict=True)]
         + [over(d[0], d[1], 0.95, late=1.0) > 0 for d in draws[:4]]
-        + [over(d[0], d[1], 0.9, speed=2.0) > 0 for d in draws[:4]],
-        outside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, below, strict=True)],
+        + [over(d[0], d[1], 0.9, speed=2.0) > 0 for d in draws[:4]]
+        + [over(*d, share, speed=1.05 * faster(share)) > 0 for d, share, _ in starts]
+        + [over(*d, 1.2 * allowed(late), late) > 0 for d, late in delays],
+        outside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, below, strict=True)]
+        + [overshoot > 0 for overshoot in calm],
     )
-    result.correction_holds(over(mine, own, 0.99) < 1e-12, over(mine, own, 2.0) > 1e-3)
+    result.correction_holds(
+        over(mine, own, 0.99) < 1e-12, over(mine, own, 2.0) > 1e-3, max(calm) < 1e-12
+    )
 
 
 @claim(
@@ -102,7 +139,8 @@ def p_alone_overshoots(result):
     "torque limit drives the joint away, here by {limited:.2f} rad within {seconds:.0f} s. A loop "
     "whose I term goes on summing at a limit can swing between its limits for ever, although the "
     "motor could carry the load. Static friction above Coulomb friction can make a joint hunt: "
-    "with twice the Coulomb friction one hunts by {hunting:.3f} rad.",
+    "with twice the Coulomb friction one hunts by {hunting:.3f} rad. An error of the encoder "
+    "remains, because the I term removes what is measured.",
 )
 def integral_removes_the_error(result):
     from dataclasses import replace
@@ -146,16 +184,29 @@ def integral_removes_the_error(result):
         Gains(kp, share * (B + kd) * kp / J, kd, rate="exact")
         for kp, kd, share in result.rng.uniform([10, 2, 0.2], [40, 8, 0.5], (8, 3))
     ]
+    # Chosen to break it: loops that are almost too slow or almost unstable, run for twenty of their
+    # slowest time constants; and encoders with few lines.
+    patient = []
+    for share in (0.01, 0.03, 0.95):
+        kp, kd = result.rng.uniform([10, 2], [40, 8])
+        ki = share * (B + kd) * kp / J
+        slowest = -np.roots([J, B + kd, kp, ki]).real.max()
+        late = _step(Gains(kp, ki, kd, rate="exact"), joint=held, seconds=20.0 / slowest, dt=2e-3)[
+            1
+        ]
+        patient.append(abs(late.error) < 1e-4)
+    coarse = [remaining(joint=Joint(J, B, x), bits=8) for x in loads[:4]]
     result.statement_holds(
         remaining(extra=-slope * 2e-3 * np.arange(n)) < 1e-3,
         only_if="the loop is stable, load and set-point are constant, the command is within its "
-        "limits in the end, and the joint does not hunt",
+        "limits in the end, the joint does not hunt, and the encoder shows the true angle",
         inside=[remaining(g, Joint(J, B, x)) < 1e-4 for g, x in zip(sets, loads, strict=True)]
         # At the limit for a while, and with anti-windup back within it.
         + [
             remaining(limited(g, abs(x) + 0.5), Joint(J, B, x)) < 1e-4
             for g, x in zip(sets, loads, strict=True)
-        ],
+        ]
+        + patient,
         outside=[remaining(extra=-abs(load) * 2e-3 * np.arange(n)) < 1e-4 for load in loads]
         # The same loops with ki above Routh's limit.
         + [remaining(replace(g, ki=3 * g.ki / 0.5)) < 1e-4 for g in sets[:3]]
@@ -163,7 +214,8 @@ def integral_removes_the_error(result):
         + [
             remaining(limited(g, 0.9 * abs(x)), Joint(J, B, x)) < 1e-4
             for g, x in zip(sets[:3], loads, strict=False)
-        ],
+        ]
+        + [error < 1e-4 for error in coarse],
     )
     result.correction_holds(
         remaining(Gains(20, 0, 6, rate="exact")) > 0.05,
@@ -174,6 +226,7 @@ def integral_removes_the_error(result):
         abs(_step(calm, joint=Joint(J, B, 0.0, 2.0, 3.0), seconds=20.0)[0].q[-1] - 1.0) < 1e-4,
         # Without anti-windup: the limit is six times the load, and the swing does not end.
         np.ptp(endless[-10_000:]) > 1.0 and _growth(20, 100, 6, dt=2e-3) < 1.0,
+        min(coarse) > 1e-4,
     )
 
 
@@ -296,13 +349,15 @@ def error_derivative_kick(result):
 
 @claim(
     "Overshoot means that P is too high or D too low.",
-    "For PD with little delay that is true, at the torque limit too. With an I term, a lower "
-    "P makes the overshoot larger: {low_p:.0%} at kp = {p_low:g} and {high_p:.0%} at "
-    "{p_high:g}, all else equal. If P acts on the measurement only, the first case has "
-    "{weighted:.0%}. Where the delay limits kd, more D makes the overshoot larger.",
+    "For a step from rest under PD with little delay that is true, at the torque limit too. With "
+    "an I term, a lower P makes the overshoot larger: {low_p:.0%} at kp = {p_low:g} and "
+    "{high_p:.0%} at {p_high:g}, all else equal. If P acts on the measurement only, the first case "
+    "has {weighted:.0%}. Where the delay limits kd, more D makes the overshoot larger. Where a "
+    "strong load or the speed at the start carries the joint past the target, a lower P lets it go "
+    "farther.",
 )
 def overshoot_means_p(result):
-    from course.control import Gains
+    from course.control import Gains, Joint
 
     ki, kd, limits = 30.0, 4.0, (1, 2, 4, 8, 16, np.inf, np.inf, np.inf)
     low, high = result.input("p_low", 12), result.input("p_high", 60)
@@ -312,25 +367,41 @@ def overshoot_means_p(result):
     gentle = Gains(low, ki, kd, rate="exact", weight=0.0)
     result.measure("weighted", _step(gentle)[1].overshoot, 1e-3)
 
-    def mended(kp, ki, kd, delay=0.0, at_most=np.inf):
-        """Return whether a fifth less P and a fifth more D both lower a loop's overshoot."""
-        now, less, more = (
-            _step(Gains(p, ki, d, rate="exact", u_min=-at_most, u_max=at_most), delay=delay)[1]
+    def overshoots(kp, ki, kd, delay=0.0, at_most=np.inf, load=0.0, start=(0.0, 0.0)):
+        """Return the overshoots of a loop, with a fifth less P, and with a fifth more D."""
+        loop = {"delay": delay, "joint": Joint(J, B, load), "start": (*start, 0.0)}
+        return [
+            _step(Gains(p, ki, d, rate="exact", u_min=-at_most, u_max=at_most), **loop)[1].overshoot
             for p, d in ((kp, kd), (0.8 * kp, kd), (kp, 1.2 * kd))
-        )
-        return less.overshoot < now.overshoot and more.overshoot < now.overshoot
+        ]
+
+    def mended(*loop, **more):
+        """Return whether less P and more D both lower a loop's overshoot."""
+        now, *changed = overshoots(*loop, **more)
+        return max(changed) < now
 
     # PD loops inside, some at a torque limit; outside the same with an integral or a long delay.
     draws = result.rng.uniform([20, 0.5], [80, 3], (8, 2))
     result.statement = "Steps of the joint with the exact rate."
+    # Chosen to break it: loads that pull back; and, outside, what pushes the joint past the target,
+    # a load or a speed close to it, against which P is the spring.
+    pulls = -draws[:4, 0] * result.rng.uniform(0.0, 0.05, 4)
+    pushed = [overshoots(kp, 0, kd, load=0.4 * kp) for kp, kd in draws[:3]]
+    pushed += [overshoots(kp, 0, kd, start=(0.95, 3.0)) for kp, kd in draws[:3]]
     result.statement_holds(
         mended(low, ki, kd),
-        only_if="there is no I term, and the delay is far from limiting kd",
-        inside=[mended(kp, 0, kd, at_most=x) for (kp, kd), x in zip(draws, limits, strict=True)],
+        only_if="the joint starts at rest, no load pushes it past the target, there is no I term, "
+        "and the delay is far from limiting kd",
+        inside=[mended(kp, 0, kd, at_most=x) for (kp, kd), x in zip(draws, limits, strict=True)]
+        + [mended(kp, 0, kd, load=x) for (kp, kd), x in zip(draws, pulls, strict=False)],
         outside=[mended(0.4 * kp, 1.2 * kp, kd + 1) for kp, kd in draws]
-        + [mended(kp, 0, 5.0, 0.1) for kp, _ in draws[:3]],
+        + [mended(kp, 0, 5.0, 0.1) for kp, _ in draws[:3]]
+        + [less < now for now, less, _ in pushed],
     )
-    result.correction_holds(_overshoot(low, ki, kd) > 1.5 * _overshoot(high, ki, kd))
+    result.correction_holds(
+        _overshoot(low, ki, kd) > 1.5 * _overshoot(high, ki, kd),
+        all(less > now for now, less, _ in pushed),
+    )
 
 
 @claim(
@@ -423,19 +494,22 @@ def critical_settles_fastest(result):
 
 @claim(
     "An overdamped, sluggish joint needs less D or more P.",
-    "True while the limits of sampling and delay are far away. Where kd is near the limit "
+    "True while the limits of sampling, delay and torque are far away. Where kd is near the limit "
     "that the delay sets, the same cure ends in oscillation: a loop with kd dt/J = {V:.1f}, "
     "one sample late, is sluggish at P = {low:g} and unstable at {high:g}, in units of "
-    "J/dt^2.",
+    "J/dt^2. A joint that has to brake at its torque limit settles later with less D or more "
+    "P, because it overshoots. Where a load or dry friction holds the joint away from the target, "
+    "less D changes nothing.",
 )
 def overdamped_cure(result):
-    from course.control import Gains, sampled
+    from course.control import Gains, Joint, sampled
 
     V, low, high = result.input("V", 0.85), result.input("low", 0.02), result.input("high", 0.3)
     unit = J / 1e-3**2
 
-    def settling(kp, kd, delay=0.0, seconds=6.0):
-        return _step(Gains(kp, 0, kd, rate="exact"), delay=delay, seconds=seconds)[1].settling
+    def settling(kp, kd, delay=0.0, seconds=6.0, at_most=np.inf, joint=None):
+        gains = Gains(kp, 0, kd, rate="exact", u_min=-at_most, u_max=at_most)
+        return _step(gains, delay=delay, seconds=seconds, joint=joint)[1].settling
 
     def growth(P):
         # Units of a sample and of J: V and P are the dimensionless gains.
@@ -443,27 +517,33 @@ def overdamped_cure(result):
         law = sampled.pid_law(P, 0, V, dt=1.0, rate="exact")
         return sampled.growth(sampled.loop_matrix(plant, law))
 
-    def cured(kp, kd, delay=0.0, seconds=6.0):
-        now = settling(kp, kd, delay, seconds)
-        return (
-            max(settling(1.5 * kp, kd, delay, seconds), settling(kp, kd / 1.5, delay, seconds))
-            < now
-        )
+    def cured(kp, kd, *loop, **more):
+        now = settling(kp, kd, *loop, **more)
+        changed = settling(1.5 * kp, kd, *loop, **more), settling(kp, kd / 1.5, *loop, **more)
+        return max(changed) < now
 
     result.measure("slow_samples", -1 / np.log(growth(low)))
     result.measure("growth_high", growth(high))
     result.statement = "Growth per sample of PD on an inertia, one sample late, and steps without."
     # Damping ratios of 1.5 to 2, well away from the sampling limits.
     slow = result.rng.uniform([20, 1.5], [80, 2.0], (8, 2))
+    fast = result.rng.uniform(0.22, 0.32, 8)
+    # Chosen to break it: a torque limit that makes the braking slow; loads and dry friction that
+    # hold the joint outside the band of its target.
+    held = []
+    for kp, z in slow[:3]:
+        kd = 2 * z * np.sqrt(kp * J)
+        held.append(cured(kp, kd, seconds=30.0, at_most=0.25, joint=Joint(J)))
+        stopped = Joint(J, B, -0.1 * kp), Joint(J, B, 0.0, 0.1 * kp)
+        held += [cured(kp, kd, joint=joint) for joint in stopped]
     result.statement_holds(
         cured(0.24 * unit, V * J / 1e-3, 1e-3, 0.2),
-        only_if="the loop is far from the limits that sampling and delay set",
+        only_if="the loop is far from the limits that sampling, delay and torque set, and neither "
+        "a load nor dry friction holds the joint away from its target",
         inside=[cured(kp, 2 * z * np.sqrt(kp * J)) for kp, z in slow],
-        outside=[
-            cured(P * unit, V * J / 1e-3, 1e-3, 0.2) for P in result.rng.uniform(0.22, 0.32, 8)
-        ],
+        outside=[cured(P * unit, V * J / 1e-3, 1e-3, 0.2) for P in fast] + held,
     )
-    result.correction_holds(growth(low) < 1 < growth(high))
+    result.correction_holds(growth(low) < 1 < growth(high), not any(held))
 
 
 @claim(
