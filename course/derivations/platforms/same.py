@@ -1,5 +1,7 @@
 """Claims of chapter 3: what engines have in common, what their defaults change, what repeats."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from course.derivations import claim
@@ -80,12 +82,13 @@ def engines_agree(result):
     "Defaults are part of the model. Those of MuJoCo and Drake change nothing here. PyBullet's "
     "default damping and motors, and inertias that it computes from shapes, multiply its error: "
     "by {tumble:.0f} on a tumbling body, {chain:.0f} on a chain and {arm:.0f} on an arm, compared "
-    "with fair settings.",
+    "with fair settings. MuJoCo and Drake differ, too, where a joint meets a limit, which each "
+    "stops in its own way, has dry friction, which Drake does not read, or copies another joint.",
     source="PyBullet Quickstart Guide, 2023: changeDynamics, setJointMotorControl2, loadURDF",
     needs=("Drake", "PyBullet"),
 )
 def defaults_differ(result):
-    from course.platforms import AS_SHIPPED, measures, scenes
+    from course.platforms import AS_SHIPPED, measures, prepared, scenes
 
     (bullet,) = simulators(PYBULLET)
     cases = {"tumble": scenes.tumble(1.0), "chain": scenes.chain(6, 0.5), "arm": scenes.arm(0.2)}
@@ -104,13 +107,40 @@ def defaults_differ(result):
     )
     # How far the second and the third engine are from the first, as a share of its error.
     apart = np.abs(shipped[:, 1:] / shipped[:, :1] - 1.0)
+    two = scenes.chain(2, 0.5)
+
+    def alike(text):
+        """Return whether MuJoCo and Drake differ by under 1 % of what half the step changes."""
+        scene = replace(two, urdf=text)
+
+        def end(engine, dt):
+            world = prepared(engine, scene, dt, AS_SHIPPED)
+            world.run(round(scene.duration / dt))
+            return world.state().q
+
+        first, half, second = (
+            end(*x) for x in ((others[0], 1e-3), (others[0], 5e-4), (others[1], 1e-3))
+        )
+        return bool(np.abs(second - first).max() < 0.01 * np.abs(half - first).max())
+
+    viscous = two.urdf.replace('damping="0"', 'damping="0.2"')
+    rubbing = two.urdf.replace('friction="0"', 'friction="0.3"')
+    limited = two.urdf.replace("continuous", "revolute").replace(
+        "<limit ", '<limit lower="-0.7" upper="0.7" '
+    )
+    copied = two.urdf.replace(
+        '<joint name="joint1" type="continuous">',
+        '<joint name="joint1" type="continuous"><mimic joint="joint0" multiplier="0.5"/>',
+    )
     result.statement = "Errors at 1 ms, all changes made, none, and all but one."
     result.statement_holds(
         bool(np.all(apart < 0.01)),
-        only_if="nothing touches, both take the same step, and neither adds damping, motors or "
-        "other inertias by default, as with MuJoCo and Drake",
-        inside=apart[:, 0] < 0.01,
-        outside=apart[:, 1] < 0.01,
+        only_if="nothing touches, no joint meets a limit, has dry friction or copies another one, "
+        "both take the same step, and neither adds damping, motors or other inertias by default, "
+        "as with MuJoCo and Drake",
+        inside=[*(apart[:, 0] < 0.01), alike(viscous)],
+        # Chosen to break it: what a URDF may also say of a joint.
+        outside=[*(apart[:, 1] < 0.01), *(alike(text) for text in (limited, rubbing, copied))],
         cases=True,
     )
     result.correction_holds(
@@ -118,6 +148,7 @@ def defaults_differ(result):
         without["motors"] > 10,
         without["inertia"] > 10,
         all(x.shipped < 1.01 * x.fair for rows in settled for x in rows),
+        not any(alike(text) for text in (limited, rubbing, copied)),
     )
 
 
@@ -249,13 +280,16 @@ def fresh_worlds_repeat(result):
     "Resetting the world is as good as building it anew.",
     "A reset puts back what it knows of. PyBullet's resetBasePositionAndOrientation leaves the "
     "contacts that are cached: a block's second run ended {off:.1f} millionths [m, m/s] off. Put "
-    "far away in between, where they are dropped, it ran as before, bit by bit.",
+    "far away in between, where they are dropped, it ran as before, bit by bit. MuJoCo's "
+    "mj_resetData resets the whole state, but not a mass or friction that you changed in its "
+    "model. An integrator of Drake that chooses its steps goes on with the last one: after the "
+    "state was put back, a chain ended {chain_rad:.0e} rad off.",
     source="PyBullet Quickstart Guide, 2023: resetSimulation, saveState",
     needs=("Drake", "PyBullet"),
 )
 def reset_world(result):
     from course.oracles.pybullet import library
-    from course.platforms import measures, scenes
+    from course.platforms import FAIR, measures, scenes
 
     def same(name, scene, dt):
         (engine,) = simulators(name)
@@ -278,12 +312,34 @@ def reset_world(result):
     library().performCollisionDetection(physicsClientId=run.client)
     run.reset()
     run.run(200)
+
+    def heavier(scene, dt):
+        """Return whether MuJoCo repeats a run after a body became heavier and the reset call."""
+        (mujoco,) = simulators(MUJOCO)
+        world = mujoco.build(scene, dt)
+        world.run(200)
+        end = world.state()
+        world.model.body_mass[1] *= 1.2
+        world.reset()
+        world.run(200)
+        return world.state().same(end)
+
+    tower, chain = (scenes.tower(3), 2e-3), (scenes.chain(3), 1e-2)
+    others += [same(name, *case) for name in (MUJOCO, DRAKE) for case in (tower, chain)]
+    chosen = FAIR.using(scheme="runge_kutta3", accuracy=1e-3)
+    off = measures.repeatability(simulators(DRAKE)[0], *chain, 200, chosen).reset
+    result.measure("chain_rad", off, 0.5)
+    changed = [heavier(*case) for case in cases]
     result.statement = "Braking blocks, 200 steps, then the same after a reset, bit by bit."
     result.statement_holds(
         max(bullet) == 0.0,
-        only_if="the reset covers all that the engine keeps between steps, as in MuJoCo and Drake",
+        only_if="the reset covers all that the engine and its integrator store between steps, as "
+        "in MuJoCo and in Drake's discrete plant, and all that the program changed in the model",
         inside=[x == 0.0 for x in others],
-        outside=[x == 0.0 for x in bullet],
+        # Chosen to break it: a mass that was changed, and an integrator that chooses its steps.
+        outside=[x == 0.0 for x in bullet] + changed + [off == 0.0],
         cases=True,
     )
-    result.correction_holds(deviation > 0.0, max(others) == 0.0, run.state().same(first))
+    result.correction_holds(
+        deviation > 0.0, max(others) == 0.0, run.state().same(first), not any(changed), off > 1e-6
+    )

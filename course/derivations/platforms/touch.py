@@ -389,7 +389,8 @@ def friction_rules(result):
     "Drake's contact model is hydroelastic.",
     "That is what its plant tries first. Shapes without properties for it, which is how they come, "
     "fall back to one point a pair: a tower of two cubes has {point:.0f} contacts and is "
-    "{sunk:.0f} mm low after a second, with patches {patch:.2f} mm.",
+    "{sunk:.0f} mm low after a second, with patches {patch:.2f} mm. So does a pair of which only "
+    "one shape has such properties, or both are rigid.",
     source="Drake 1.51, 2026, Hydroelastic Contact User Guide",
     needs=("Drake",),
 )
@@ -408,19 +409,76 @@ def drake_hydroelastic(result):
     def stays(n, options):
         return _fallen(drake, scenes.tower(n), options) < 1e-3
 
+    def on_patch(ground, cube, **config):
+        """Return whether a cube on a ground, each of this kind, touches it on a patch."""
+        return _cube_on_ground(ground, cube, **config) == (1, 0)
+
+    pairs = (("rigid", "rigid"), ("rigid", ""), ("", "compliant"))
     result.statement = "Towers of cubes at 2 ms, shapes as they come and with a modulus of 1 MPa."
     result.statement_holds(
         stays(2, AS_SHIPPED),
-        only_if="the shapes were given hydroelastic properties",
-        inside=[stays(n, FAIR) for n in (1, 2, 3)],
-        outside=[stays(n, AS_SHIPPED) for n in (2, 3)],
+        only_if="the plant keeps its default contact_model, both shapes of a pair were given "
+        "hydroelastic properties, and at least one of the two is compliant",
+        inside=[stays(n, FAIR) for n in (1, 2, 3)]
+        + [on_patch("compliant", "rigid"), on_patch("compliant", "compliant")],
+        # Chosen to break it: two rigid shapes, one shape without properties, another contact_model.
+        outside=[stays(n, AS_SHIPPED) for n in (2, 3)]
+        + [on_patch(*pair) for pair in pairs]
+        + [on_patch("rigid", "compliant", contact_model="point")],
         cases=True,
     )
     from pydrake.multibody.plant import MultibodyPlantConfig
 
     # Drake's own default, read from an empty configuration.
     first = MultibodyPlantConfig().contact_model
-    result.correction_holds(first == "hydroelastic_with_fallback", points == 2, low > 30.0 * patch)
+    result.correction_holds(
+        first == "hydroelastic_with_fallback",
+        points == 2,
+        low > 30.0 * patch,
+        not any(on_patch(*pair) for pair in pairs),
+    )
+
+
+def _cube_on_ground(ground, cube, **config):
+    """Return Drake's patches and point contacts after 50 steps of a cube that is set on a ground.
+
+    Args:
+        ground: "rigid", "compliant" or "" (no hydroelastic properties).
+        cube: the same.
+        **config: fields of Drake's `MultibodyPlantConfig`.
+    """
+    from course.oracles.drake import library
+
+    drake = library()
+    geometry, plants, tree = drake.geometry, drake.multibody.plant, drake.multibody.tree
+    builder = drake.systems.framework.DiagramBuilder()
+    plant, _ = plants.AddMultibodyPlant(
+        plants.MultibodyPlantConfig(time_step=2e-3, **config), builder
+    )
+
+    def add(body, kind, size, centre):
+        properties = geometry.ProximityProperties()
+        friction = plants.CoulombFriction(0.5, 0.5)
+        geometry.AddContactMaterial(friction=friction, properties=properties)
+        if kind == "rigid":
+            geometry.AddRigidHydroelasticProperties(resolution_hint=1.0, properties=properties)
+        elif kind:
+            geometry.AddCompliantHydroelasticProperties(1.0, 1e6, properties)
+        pose = drake.math.RigidTransform(np.array([0.0, 0.0, centre]))
+        plant.RegisterCollisionGeometry(body, pose, geometry.Box(*size), body.name(), properties)
+
+    inertia = tree.SpatialInertia(1.0, np.zeros(3), tree.UnitInertia.SolidBox(0.1, 0.1, 0.1))
+    body = plant.AddRigidBody("cube", inertia)
+    add(plant.world_body(), ground, (1.0, 1.0, 1.0), -0.5)
+    add(body, cube, (0.1, 0.1, 0.1), 0.0)
+    plant.Finalize()
+    simulator = drake.systems.analysis.Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    start = drake.math.RigidTransform(np.array([0.0, 0.0, 0.05]))
+    plant.SetFreeBodyPose(context, body, start)
+    simulator.AdvanceTo(0.1)
+    contacts = plant.get_contact_results_output_port().Eval(context)
+    return contacts.num_hydroelastic_contacts(), contacts.num_point_pair_contacts()
 
 
 def _fallen(engine, scene, settings):

@@ -105,8 +105,9 @@ def mujoco_rk4_contact_order(result):
     "stiffness and damping given directly, as a negative solref, are taken as they are. "
     "Even with the flag on, a ball with a damping ratio of {low_ratio:.1f} does not come to rest. "
     "Under the discrete integrator one ball is stable in all three cases, and so is one box with a "
-    "negative solref. A stack need not be: a tower of three stiff boxes with hardly a damper, at "
-    "{tower_ms:.0f} ms, goes from {start_j:.1f} J up to {most_j:.1f} J.",
+    "negative solref. A stack with a negative solref need not be: a tower of three stiff boxes "
+    "with hardly a damper, at {tower_ms:.0f} ms, goes from {start_j:.1f} J up to {most_j:.1f} J. "
+    "In the other two cases the same tower gains next to nothing.",
 )
 def mujoco_contact_stiffness_limit(result):
     import mujoco
@@ -148,8 +149,8 @@ def mujoco_contact_stiffness_limit(result):
     )
     tower_ms = result.input("tower_ms", 20.0)
 
-    def energies(boxes, solref, ms):
-        """Return start and largest energy of boxes on each other in the discrete integrator [J]."""
+    def energies(boxes, solref, ms, safe="enable", integrator="discrete"):
+        """Return start and largest energy of boxes on each other [J]."""
         bodies = "".join(
             f'<body pos="0 0 {0.1 + 0.2 * i}"><freejoint/><geom type="box" size=".1 .1 .1" '
             f'mass="1" solref="{solref}"/></body>'
@@ -158,7 +159,9 @@ def mujoco_contact_stiffness_limit(result):
         model, data = small_model(
             f'<geom type="plane" size="9 9 1" solref="{solref}"/>{bodies}',
             1e-3 * ms,
-            "discrete",
+            integrator,
+            "",
+            f'refsafe="{safe}"',
         )
         model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
         mujoco.mj_forward(model, data)
@@ -173,16 +176,23 @@ def mujoco_contact_stiffness_limit(result):
     result.measure("start_j", start, tolerance=1e-6)
     result.measure("most_j", highest, tolerance=0.2)
 
-    def jumps(boxes, ms):
+    def jumps(boxes, ms, solref="-1e6 -2", *how):
         """Return whether boxes on each other gain far more energy than m (g h)^2 / 2 each.
 
-        What starts at touch falls freely for one step, so a calm contact bounces by this much.
+        What starts at touch falls freely for one step, so a calm contact bounces by this much; a
+        stiff and calm tower of three rises by up to eight times as much.
         """
-        before, after = energies(boxes, "-1e6 -2", ms)
+        before, after = energies(boxes, solref, ms, *how)
         fall = 0.5 * (9.81e-3 * ms) ** 2  # of 1 kg in one step [J]
-        return after - before > 5.0 * boxes * fall
+        return after - before > 10.0 * boxes * fall
 
     coarse = (15.0, 30.0, 50.0)
+    # A tower in the discrete integrator without refsafe, and with it at low damping ratios.
+    calm = [
+        jumps(3, ms, f"0.001 {ratio}", safe)
+        for ms in coarse
+        for ratio, safe in ((1.0, "disable"), (0.3, "enable"), (0.01, "enable"))
+    ]
     constants = dt * result.rng.uniform(0.3, 0.9, 5)
     low_ratio = result.input("low_ratio", 0.3)
     ratios = result.rng.uniform(0.15, low_ratio, 5)
@@ -190,16 +200,18 @@ def mujoco_contact_stiffness_limit(result):
         needs("0.001 1"),
         only_if="the refsafe flag is off, stiffness and damping are given as numbers, or the "
         "damping ratio is low (for one ball, below about a third), and the integrator is not "
-        "discrete or bodies stand on each other",
+        "discrete",
         inside=[needs(f"{t} 1", "disable") for t in constants]
         + [needs(direct(t)) for t in constants]
         + [needs(f"{t} {ratio}") for t, ratio in zip(constants, ratios, strict=True)]
-        + [jumps(3, ms) for ms in coarse],
+        # Chosen to break it: bodies on each other.
+        + [jumps(2, 2.0, "-1e6 -2000", "enable", "Euler")],
         outside=[needs(f"{t} {ratio}") for t in constants for ratio in (0.4, 1)]
         + [needs(f"{t} {low_ratio}", integrator="discrete") for t in constants]
         + [needs(direct(t), integrator="discrete") for t in constants]
-        # Chosen to break it: one box, which touches at several points.
-        + [jumps(1, ms) for ms in coarse],
+        # One box, which touches at several points, and towers, of which some gain energy.
+        + [jumps(boxes, ms) for boxes in (1, 3) for ms in coarse]
+        + calm,
     )
     result.correction_holds(
         abs(requested / clamped - 1) < 1e-6,
@@ -207,6 +219,8 @@ def mujoco_contact_stiffness_limit(result):
         not any(needs(f"{t} 1", "disable", "discrete") for t in constants),
         not any(needs(direct(t), integrator="discrete") for t in constants),
         highest > 1.1 * start,
+        all(jumps(3, ms) for ms in coarse),
+        not any(calm),
     )
 
 
