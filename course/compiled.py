@@ -83,11 +83,12 @@ def _cache_folder() -> str:
     that can't be written, numba's default applies ("").
     """
     package = Path(__file__).parent
-    # One digest over all sources that mention numba, so that a change in any callee counts.
+    # One digest over all sources that mention numba, so that a change in any callee counts, and of
+    # recorded numbers, since compiled code holds the arrays of its module as constants.
     state = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
+    for path in sorted([*package.rglob("*.py"), *package.rglob("*.npz")]):
         text = path.read_bytes()
-        if b"numba" in text:
+        if path.suffix == ".npz" or b"numba" in text:
             # Path and length delimit each text, so that moving text between files changes the
             # digest.
             state.update(f"{path.relative_to(package)} {len(text)}\n".encode() + text)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytestmark = pytest.mark.slow
@@ -68,6 +69,16 @@ def test_cache_is_used_by_the_next_process_and_dropped_when_a_callee_changes(tmp
     (package / "inner.py").write_text(INNER.format(number="5.0"))
     assert run(package, cache) == [16.0, 0, 1]
     assert len(list((cache / "compiled").iterdir())) == 2
+
+
+@pytest.mark.prove
+def test_a_cache_is_dropped_when_recorded_numbers_change(tmp_path) -> None:
+    """Machine code holds the arrays of its module as constants."""
+    package, cache = copy_of_the_package(tmp_path), tmp_path / "cache"
+    for number in (1.0, 2.0):
+        np.savez(package / "recorded.npz", number=number)
+        assert run(package, cache) == [8.0, 0, 1]
+        assert run(package, cache) == [8.0, 1, 0]
 
 
 @pytest.mark.prove
