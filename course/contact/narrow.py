@@ -363,9 +363,10 @@ def _grow(va, vb, pair, s):
 
 @register_jitable
 def _apart(s, i, j, k):
-    """Return the distance between the origin and the triangle i, j, k, a needle.
+    """Return the distance between the origin and the triangle i, j, k, a needle or a fold.
 
-    Unlike the distance to its plane it hardly depends on how the needle is turned about its length.
+    Unlike the distance to its plane it has no sign, and it hardly depends on how a needle is turned
+    about its length.
     """
     far = math.sqrt(_square(s, i, j, k, _on_triangle(s, i, j, k)))
     for p, q in ((i, j), (j, k), (k, i)):
@@ -453,9 +454,11 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
         if high - face[f, 3] <= rounding and not needle:
             break
         if high - face[f, 3] <= face[f, 4] or new == s.shape[0] - 4 or _known(s, new):
-            # Nothing beyond this face but rounding, or no room: it stays a bound of the depth.
+            # Nothing beyond this face but rounding, or no room: it stays a bound of the depth. A
+            # vertex just outside of a face of its own plane folds the surface there: one of its
+            # faces looks inwards. What bounds the depth is how far such a face is, not its sign.
             i, j, k = corner[f, 0], corner[f, 1], corner[f, 2]
-            face[f, 5] = _apart(s, i, j, k) if needle else key[f]
+            face[f, 5] = _apart(s, i, j, k) if needle or key[f] < 0.0 else key[f]
             key[f] = math.inf
             continue
         # Faces that the new vertex sees go (-inf); each edge of the hole makes a face with it.

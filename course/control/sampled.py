@@ -120,7 +120,7 @@ def split_delay(delay: float, dt: float) -> tuple[int, float]:
 def stepped(
     inertia: float, damping: float, dt: float, steps: int, delay: float = 0.0, stiffness: float = 0
 ) -> Held:
-    """Return what semi-implicit Euler makes of the joint, with so many steps a sample.
+    """Return the joint as semi-implicit Euler moves it, with `steps` steps a sample.
 
     Damping is taken implicitly and the spring explicitly, as in MuJoCo's Euler and implicitfast
     (its documentation, Computation, Numerical integration). The delay is rounded to a step.

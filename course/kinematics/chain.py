@@ -1,7 +1,7 @@
 """A chain of joints, or a tree of them, as arrays.
 
-Each joint turns about, or slides along, the z axis of its own frame: whoever has an axis of another
-direction turns the frame (`turn_to`). A link is the body behind a joint, and the joint's frame is
+Each joint turns about, or slides along, the z axis of its own frame; for an axis of another
+direction, turn the frame (`turn_to`). A link is the body behind a joint, and the joint's frame is
 the frame of its link. So an arm of n joints is n parents, n placements and n inertias; a tree is a
 chain in which a parent is not always the joint before, and costs nothing extra.
 

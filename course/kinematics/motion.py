@@ -239,8 +239,8 @@ def batch(chain: Chain, **states: Any) -> tuple[bool, list[Array]]:
     """
     n, result, first = len(chain.table) - 1, [], None
     for name, value in states.items():
-        # Who asks few postures at a time pays for each check. A square that is finite is of finite
-        # numbers, and quicker than to look at each.
+        # With few postures at a time the checks take most of the time. If the sum of squares is
+        # finite, so are the numbers, and it is faster than a look at each.
         quick = type(value) is np.ndarray and value.dtype == np.float64 and value.ndim in (1, 2)
         if not (quick and len(value) == n and math.isfinite(np.vdot(value, value))):
             value = vector(name, value, (n,), (n, None))

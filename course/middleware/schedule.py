@@ -216,9 +216,8 @@ def _run(C, T, phase, jitter, before, section, lock, end, protocol):
     for s in range(sets):
         holds[:], done[:], job[:], t = False, 0, 0, 0
         while t < end:
-            # Who runs: the first that is released and has what it wants, or whoever holds that.
-            # The running job is the one with the highest current priority; `place` is that
-            # priority.
+            # The running job is the one with the highest current priority, `place`: the first that
+            # is released and has the lock it needs, or the job that holds that lock.
             picked, rank, until = -1, n, end
             for i in range(n):
                 release = phase[i, s] + (job[i] * T[i, s] if job[i] else jitter[i, s])

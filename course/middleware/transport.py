@@ -157,8 +157,8 @@ def _answer_socket(end: socket.socket) -> None:
 class Ring:
     """Slots in shared memory between one that puts and one that takes.
 
-    Two semaphores count the free and the full slots. They put whoever has nothing to do to sleep,
-    and what was written before one is released is seen by whoever gets it.
+    Two semaphores count the free and the full slots. A process that has nothing to do sleeps on
+    one, and what was written before it is released is seen by the process that gets it.
 
     Args:
         slots: how many messages fit, at least 1.

@@ -278,7 +278,7 @@ class Run:
         observed[k, PLACE:SPREAD] = _pair("perceive", place, "the place [m]")
         stamp = finite("stamp that perceive returns", stamp, unit="us")
         observed[k, SPREAD : SPREAD + 3] = spread[0, 0], spread[0, 1], spread[1, 1]
-        # What the timetable says beside the truth is the clock's error, whoever looks.
+        # What the timetable says beside the truth is the clock's error.
         observed[k, by.WHEN] = stamp + times[k, 2] - times[k, 0]
         if frame != FRAME:
             progress["wrong"] = by.WRONGS.index("perceive: another frame")

@@ -163,7 +163,7 @@ def perceive(sight: Sight, scenario: Scenario, settings: Settings) -> tuple[Arra
     return place, max(sigma, LEAST) ** 2 * np.eye(2), FRAME, sight.captured
 
 
-TRIES, DETOUR = 3, 2.0  # searches, while a path is so many times as long as the straight one
+TRIES, DETOUR = 3, 2.0  # searches, while a path is longer than this multiple of the straight one
 
 Search = Callable[[World, Array, Array, Settings, np.random.Generator], tuple[Any, int, str]]
 

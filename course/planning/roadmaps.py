@@ -546,7 +546,7 @@ class _Growing:
         self.parts[count:] = np.arange(count, size)
 
     def more(self, numbers: Array, samples: int) -> bool:
-        """Draw so many states; whether nodes 0 and 1 are joined where that ends it."""
+        """Draw `samples` states; return whether nodes 0 and 1 are joined if that ends it."""
         world, counts = self.query.world, self.query.counts
         if counts[NODES] + samples > len(self.nodes):
             self._room(2 * len(self.nodes))

@@ -2,7 +2,7 @@
 
 A `World` is its bounds, two tables of numbers and three plain functions over them, which `kernels`
 compiles for one signature each. A planner is compiled once and takes them as arguments, so one
-source serves every world; whoever brings a new world writes these three functions and no planner:
+source serves every world; a new world needs these three functions and no planner:
 
     state_free(obstacles, body, q) -> bool      whether state q touches nothing
     edge_free(obstacles, body, a, b) -> bool    whether the straight edge from a to b is free

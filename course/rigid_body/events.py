@@ -1,8 +1,8 @@
 """An event inside a step: its time is found, the state is changed there, and the step goes on.
 
-A step of order p is of that order while the motion is smooth. A bounce is not: whoever applies it
-at the end of the step in which it happened is late by up to dt, and whatever the integrator, the
-result is of first order. Here the step is cut at the event: the same integrator takes a partial
+A step of order p is of that order while the motion is smooth. A bounce is not: if it is applied
+at the end of the step in which it happened, it is late by up to dt, and whatever the integrator,
+the result is of first order. Here the step is cut at the event: the same integrator takes a partial
 step, its length is found by root finding, the state is reset, and the rest of the step follows.
 The event's time is then as accurate as the integrator, and the order stays (Hairer, Norsett,
 Wanner, Solving Ordinary Differential Equations I, 1993, sec. II.6).

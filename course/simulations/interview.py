@@ -57,7 +57,7 @@ _LEAST, _MOST = 0.001, 36500.0  # days
 
 @register_jitable
 def recall(days, stability):
-    """Return the chance to recall so many days after a review; 0.9 where they are the stability."""
+    """Return the chance to recall a card `days` after its review; 0.9 after `stability` days."""
     # FSRS: a power law of forgetting.
     return (1.0 + _FACTOR * days / stability) ** -W[20]
 
@@ -81,7 +81,7 @@ def first(rating):
 
 @register_jitable
 def after(stability, difficulty, days, rating):
-    """Return stability and difficulty after a rating, so many whole days after the last one."""
+    """Return stability and difficulty after a rating, `days` whole days after the last one."""
     # A review on the same day: a short-term formula without the chance of recall.
     if days < 1.0:
         growth = math.exp(W[17] * (rating - 3 + W[18])) * stability ** -W[19]

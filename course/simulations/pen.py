@@ -153,7 +153,7 @@ def _full(kind):
 
 @register_jitable
 def _more(pen, count):
-    """Reserve so many more numbers for the item begun last; return where they go."""
+    """Reserve `count` more numbers for the item begun last; return where they go."""
     at, item = int(pen[_FREE]), int(pen[_ITEM])
     if at == HEADER:
         raise ValueError("points or words before the item that they belong to")
@@ -167,7 +167,7 @@ def _more(pen, count):
 
 @register_jitable
 def _begin(pen, kind, count):
-    """Begin an item with so many numbers; return where they go."""
+    """Begin an item with `count` numbers; return where they go."""
     at = int(pen[_FREE])
     if at + 2 + count > pen.size:
         _full(kind)
@@ -225,7 +225,7 @@ def values_at(rectangle, values, x, y):
 
 @register_jitable
 def line(pen, colour, width=1.5, alpha=1.0, on=0.0, gap=0.0):
-    """Begin a line, dashed with so many pixels on and off; a point that is NaN leaves a gap."""
+    """Begin a line, dashed with `on` and `gap` pixels; a point that is NaN interrupts it."""
     at = _begin(pen, LINE, 5)
     pen[at] = colour
     pen[at + 1] = width
@@ -322,7 +322,7 @@ def box(pen, left, right, bottom, top, fill, edge=NONE, width=1.5, alpha=1.0):
 
 @register_jitable
 def arrow(pen, x0, y0, x1, y1, colour, width=2.0, head=9.0, alpha=1.0):
-    """Draw an arrow from (x0, y0) to its tip (x1, y1), with a head of so many pixels."""
+    """Draw an arrow from (x0, y0) to its tip (x1, y1), with a head of `head` pixels."""
     at = _begin(pen, ARROW, 8)
     pen[at] = colour
     pen[at + 1] = width

@@ -70,8 +70,8 @@ UNDER_WAY = len(REASONS) - 1
 # many runs are missing until all of this is complete; then the signed parts [m].
 SHARE, LOW, HIGH, CHECKS, AGE, LIMIT, GAINED, ENDED, BROKEN, CURED, ASKED, REPLAYED = range(12)
 LEFT, PARTS = 12, 13
-# A notebook goes on answering between portions: after so many runs, and within a run after the
-# first slice with which the planner has made so many checks more.
+# A notebook goes on answering between portions: after PORTION runs, and within a run after the
+# first slice with which the planner has made CHECKED more checks.
 PORTION, SLICES, CHECKED = 2, 40, 5_000
 
 CONTROLS = Record(

@@ -247,7 +247,11 @@ def rebuilt(name: str) -> bytes:
 
 
 def main(chosen: Sequence[str]) -> int:
-    """Compile these simulations, or all that are stale, and write them; how many failed."""
+    """Compile these simulations, or all that are stale, and write them; return how many failed."""
+    unknown = sorted(set(chosen) - set(live()))
+    if unknown:
+        print(f"no live simulation: {', '.join(unknown)}; there are {', '.join(live())}")
+        return 2
     failed = 0
     for name in chosen or filter(stale, live()):
         start = time.perf_counter()

@@ -244,6 +244,27 @@ turns = st.tuples(angles, angles, angles)
 shares = st.sampled_from([0.0, 1e-14, 1e-9, 1e-3, 0.5, 1.0, 1.0 + 1e-12, 2.0])
 
 
+FOLDED = [
+    (
+        ([7.35963762127484, 0.22810732859546926, 0.02088383760813431], (0.0, 1e-8, 0.0)),
+        ([0.02778773028981968, 1.4940582899329333, 0.1460264100304901], (math.pi / 2, 1e-12, 0.0)),
+        (0.5, 0.0, 1e-14),
+    ),
+    (
+        ([0.2831201420373842, 4.179988585016341, 0.015928433335387685], (1e-8, 1e-12, 1e-12)),
+        ([0.6940224372231328, 1.44375499011734, 13.084698729833645], (0.0, 0.0, 0.3)),
+        (0.0, 1e-3, 1e-14),
+    ),
+]
+
+
+@pytest.mark.parametrize(("first", "second", "where"), FOLDED)
+def test_a_face_that_folds_back_within_its_plane_leaves_the_depth_certain(first, second, where):
+    """A new vertex 1e-14 outside of its neighbour's plane turns a face of EPA's polytope around."""
+    (half_a, turn_a), (half_b, turn_b) = first, second
+    assert_certified(contact.box(half_a), contact.box(half_b), turn_a, turn_b, where)
+
+
 def assert_certified(a, b, turn_a, turn_b, where):
     """Check a distance by supports alone: nothing is nearer, and no plane separates them better."""
     pose_a = at(turn=turn_a)

@@ -34,7 +34,7 @@ STATE = Record(
 
 @register_jitable
 def steps_of(timestep):
-    """Return how many steps of so many milliseconds are shown."""
+    """Return how many steps of `timestep` milliseconds are shown."""
     # Rounding may put the quotient just above an integer, hence the subtracted term; the bound is
     # the room in the path.
     return min(math.ceil(1000.0 * DURATION / timestep - 1e-9), _MOST)

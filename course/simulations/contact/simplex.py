@@ -61,7 +61,7 @@ def pair_of(controls, vb):
 
 @register_jitable
 def gjk(vb, pair, most):
-    """Return the simplex after at most so many iterations.
+    """Return the simplex after at most `most` iterations.
 
     Returns:
         Rows (8, 9) as in `narrow`, the shares of the nearest point (4,), how many rows there are,
@@ -154,7 +154,7 @@ def nearest_edge(polygon, count):
 
 @register_jitable
 def epa(vb, pair, s, n, most):
-    """Return EPA's polygon after at most so many expansions, from GJK's last simplex.
+    """Return EPA's polygon after at most `most` expansions, from GJK's last simplex.
 
     Returns:
         Corners as rows (_CORNERS, 9), how many there are, how many expansions were made, and

@@ -86,7 +86,7 @@ def _remember(state, pose):
 
 
 def initial(controls, state):
-    """Set up the arm at its start, which is where its tip shall stay."""
+    """Set up the arm at its start, which is where its tip must stay."""
     state["q"][:] = _START
     pose, J = posed(_START)
     state["goal"][:] = pose[7]

@@ -201,7 +201,7 @@ def _start(state, controls):
 
 
 def _train(state, controls, parts):
-    """Train for so many parts of an iteration, at most to the end."""
+    """Train for a number of parts of an iteration, at most to the end."""
     broken, minibatches = controls["left_out"], parts_of(controls) - 2
     for _ in range(parts):
         if state["trained"] == ITERATIONS:

@@ -180,7 +180,7 @@ def _body(controls):
 
 @register_jitable
 def grow(controls, state, samples):
-    """Draw so many samples, fewer where the question is answered or the budget is spent."""
+    """Draw this number of samples, or fewer if the query is solved or the budget is spent."""
     # No more samples than the budget has left.
     counts, method, code, last = state["counts"], controls["method"], trees.GO_ON, -1
     samples = min(samples, BUDGET[method] - counts[SAMPLES])

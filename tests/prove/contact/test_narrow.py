@@ -49,10 +49,11 @@ def test_boxes_agree_with_every_feature(angle, scale):
 
 def test_boxes_of_any_proportions_all_but_aligned():
     """Sizes 1:10,000, turns and offsets that make edges, faces and corners all but meet."""
-    rng = np.random.default_rng()
     angles = [0.0, 1e-12, 1e-8, 1e-4, 0.3, np.pi / 4, np.pi / 2]
     offsets = [0.0, 1e-14, 1e-9, 1e-3, 0.5, 1.0, 1.0 + 1e-12, 2.0]
-    for _ in range(600):
+    first = int(np.random.default_rng().integers(1 << 40))
+    for seed in range(first, first + 600):
+        rng = np.random.default_rng(seed)
         a, b = (contact.box(10.0 ** rng.uniform(-2, 2, 3)) for _ in range(2))
         turns = [exp(rng.choice(angles, (3, 50))) for _ in range(2)]
         place = rng.choice(offsets, (3, 50)) * max(a.size, b.size)
@@ -60,5 +61,5 @@ def test_boxes_of_any_proportions_all_but_aligned():
         size = a.size + b.size + np.linalg.norm(place, axis=0)
         result = contact.distance(a, pose_a, b, pose_b)
         expected = contact.enumerated(a, pose_a, b, pose_b)
-        assert (np.abs(result.distance - expected) / size).max() < 1e-13
-        assert (result.gap / size).max() < 1e-11
+        assert (np.abs(result.distance - expected) / size).max() < 1e-13, seed
+        assert (result.gap / size).max() < 1e-11, seed
