@@ -31,9 +31,10 @@ CONTROLS = Record(
 STATE = Record(
     seed=Field(np.uint64(7), shape=(1,)),
     errors=Field(0.0, shape=(LONGEST,)),  # temporal-difference errors of the last path
-    # Over all paths so far: count, sum and sum of squares of the first action's advantage.
+    # Of the first action's advantage over all paths so far: count, mean, and the sum of squared
+    # deviations from the mean.
     count=Field(0),
-    total=Field(0.0),
+    mean=Field(0.0),
     squares=Field(0.0),
     trace=Field(0.95),  # of the estimates that were counted
     owed=Field(0.0, unit="s"),
@@ -125,14 +126,17 @@ def sample(controls, state):
     errors = temporal_differences(controls, noise)
     state["errors"][:steps] = errors
     advantage = np.sum(error_weights(controls["discount"], controls["trace"], steps) * errors)
-    # Sums of another λ are discarded, so that the measured bias and deviation belong to one
+    # Paths with another λ are discarded, so that the measured bias and deviation belong to one
     # estimator.
     if state["trace"] != controls["trace"]:
         state["trace"] = controls["trace"]
-        state["count"], state["total"], state["squares"] = 0, 0.0, 0.0
+        state["count"], state["mean"], state["squares"] = 0, 0.0, 0.0
+    # Welford (1962): without noise all advantages are equal, and the deviation is exactly 0. The
+    # mean of the squares less the square of the mean would leave the root of rounding.
     state["count"] += 1
-    state["total"] += advantage
-    state["squares"] += advantage * advantage
+    change = advantage - state["mean"]
+    state["mean"] += change / state["count"]
+    state["squares"] += change * (advantage - state["mean"])
 
 
 def initial(controls, state):
@@ -173,9 +177,12 @@ _TRACES = np.linspace(0.0, 1.0, 51)
 
 @register_jitable
 def _bars(pen, first, heights, fill, edge=draw.NONE):
-    """Draw a bar for each height, the first one around the value `first`."""
+    """Draw a bar for each height, the first one around the value `first`.
+
+    Heights that are rounding get none: an exact critic without noise has errors of 1e-17.
+    """
     for k in range(len(heights)):
-        if heights[k] != 0.0:
+        if abs(heights[k]) > 1e-12:
             draw.box(pen, first + k - 0.4, first + k + 0.4, 0.0, heights[k], fill, edge, 1.2)
 
 
@@ -237,12 +244,9 @@ def frame(pen, state, controls):
         draw.reading(pen, _HORIZON, 0.0, 1, _STEPS, _ENDLESS)
     n = state["count"]
     if n > 1 and state["trace"] == trace:
-        mean = state["total"] / n
         # The true advantage is zero, so the mean estimate plus the critic's error is the bias.
-        draw.reading(pen, _MEASURED, mean + controls["error"], draw.SIGNED + 3)
-        # Variance from the sums; rounding may take it below zero.
-        spread = math.sqrt(max(state["squares"] / n - mean * mean, 0.0))
-        draw.reading(pen, _MEASURED_DEVIATION, spread, 3)
+        draw.reading(pen, _MEASURED, state["mean"] + controls["error"], draw.SIGNED + 3)
+        draw.reading(pen, _MEASURED_DEVIATION, math.sqrt(state["squares"] / n), 3)
         draw.reading(pen, _PATHS, n, 0)
     else:
         draw.reading(pen, _MEASURED, 0.0, 0, 0, _ONE_PATH)
