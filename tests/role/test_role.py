@@ -83,11 +83,11 @@ def test_events_happen_when_a_grid_of_time_says_so(drawn):
     result = simulate(stages, phases, seconds=2 * ticks * TICK)
     published, captured = on_a_grid(stages, offsets, ticks)
     # Where results overtake one another the newest counts; the grid's order of equals is its own.
-    observed = result.published < (ticks - 1) * TICK
+    end = (ticks - 1 - 0.5 / n) * TICK  # between two times of the grid, of TICK / n
     times = np.arange(0.25, n * (ticks - 1), 0.5) * TICK / n
     index = np.searchsorted(published, times, side="right")
     newest = np.append(np.nan, np.maximum.accumulate(captured))
-    assert observed.sum() == (published < (ticks - 1) * TICK).sum()
+    assert (result.published < end).sum() == (published < end).sum()
     np.testing.assert_allclose(result.age(times), times - newest[index], atol=1e-9)
 
 
