@@ -280,8 +280,9 @@ def perfect_fit(result):
     "demonstrated line: after {rounds:.0f} rounds its spectral radius is still {quiet:.3f}. "
     "Label noise as small as {least} is enough, because the unstable loop amplifies it: after "
     "two rounds the radius is {mended:.3f}. After one round it can be worse than before, "
-    "{worst:.2f} in the worst of {n:.0f} seeds. Disturbing the expert's actions by {size} fixes "
-    "the clone without any round ({pushed:.3f}).",
+    "{worst:.2f} in the worst of {n:.0f} seeds. In runs too short to amplify it, the deviations "
+    "are lost in the noise of the labels, however small this is. Disturbing the expert's actions "
+    "by {size} fixes the clone without any round ({pushed:.3f}).",
     source="S. Ross et al., DAgger, 2011; M. Laskey et al., DART, 2017",
 )
 def dagger_fixes_drift(result):
@@ -300,12 +301,32 @@ def dagger_fixes_drift(result):
         [law_of(k, task, rounds=2, label_noise=x) < 1.0 for k, x in enumerate(some)]
         for some in (sizes, 0.0 * sizes)
     )
+    amplified, limit = result.input("amplified", 30.0), result.input("limit", 1e6)
+
+    def fixed(k, plant, factor, noise):
+        """Return whether two rounds fix a clone whose runs multiply a deviation by a factor."""
+        steps = int(np.ceil(np.log(factor) / np.log(law_of(0, plant, rounds=0))))
+        return bool(law_of(k, plant, steps, rounds=2, label_noise=noise) < 1.0)
+
+    # Chosen to break it: other plants and lengths. Outside, runs too short to amplify the noise,
+    # and runs so long that least squares takes the demonstrations for rounding.
+    draws = 10.0 ** result.rng.uniform((0.0, -6.0), (3.0, -1.5), (10, 2))
+    longer = [fixed(k, regulator(result.rng), amplified * f, x) for k, (f, x) in enumerate(draws)]
+    short = [fixed(k, task, 0.1 * amplified, 1e-4) for k in range(60)]
+    endless = [fixed(k, task, 1e12 * limit, 1e-2) for k in range(3)]
     result.statement_holds(
         quiet < 1.0,
-        only_if="something larger than rounding takes the learner off the line of the "
-        "demonstrations, here noise",
-        inside=inside,
-        outside=outside + [law_of(k, task, rounds=2, label_noise=1e-14) < 1.0 for k in range(3)],
+        only_if="something larger than rounding, here label noise, takes the learner off the line "
+        "of the demonstrations, and in one run the unstable loop amplifies it at least "
+        "{amplified:.0f} times, beyond the noise, but to no more than {limit:.0e} times the "
+        "demonstrated states, which least squares still resolves",
+        inside=inside + longer,
+        outside=[
+            *outside,
+            *(law_of(k, task, rounds=2, label_noise=1e-14) < 1.0 for k in range(3)),
+            all(short),
+            *endless,
+        ],
     )
     expert = task.radius(task.K)
     result.correction_holds(
@@ -314,6 +335,8 @@ def dagger_fixes_drift(result):
         worst > 1.3,
         np.median(one) < 0.96,
         abs(pushed - expert) < 1e-6,
+        not all(short),
+        not any(endless),
     )
 
 
