@@ -88,6 +88,7 @@ class Card:
         drill: whether it is one of the interview drills; else an exercise of a chapter.
         place: in its chapter's notebook, from 1 on; 0 for a drill.
         start: body of the function that the learner starts from; empty where it is in starter.py.
+        faulty: whether the learner starts from a whole program and has to find what is wrong in it.
     """
 
     name: str
@@ -105,6 +106,7 @@ class Card:
     drill: bool
     place: int = 0
     start: str = ""
+    faulty: bool = False
 
     @property
     def folder(self) -> Path:
@@ -133,8 +135,17 @@ class Card:
         return "\n".join(lines[definition.lineno - 1 :]) + f"\n\n\ncheck({self.entry})\n"
 
     def prompt(self) -> str:
-        """Return the task in Markdown: the text, then a table of arguments and results."""
-        parts = [f"# {self.title}", (self.folder / "prompt.md").read_text(encoding="utf-8").strip()]
+        """Return the task in Markdown: the text, then a table of arguments and results.
+
+        A task that speaks of a faulty program first says where this program is.
+        """
+        parts = [f"# {self.title}"]
+        if self.faulty:
+            parts.append(
+                f"`drills start {self.name}` writes the faulty program into your file; "
+                "on a page of the course, it is in the cell below."
+            )
+        parts.append((self.folder / "prompt.md").read_text(encoding="utf-8").strip())
         for signature in self.signatures:
             rows = [("takes", q) for q in signature.arguments]
             rows += [("returns", q) for q in signature.returns]

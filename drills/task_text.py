@@ -16,6 +16,8 @@ STATE_WORDS = {NOT_ATTEMPTED: "not attempted", ATTEMPTED: "attempted", SOLVED: "
 STATE_SIGNS = {NOT_ATTEMPTED: "○", ATTEMPTED: "◐", SOLVED: "●"}
 _STATE_ASCII = {NOT_ATTEMPTED: "[ ]", ATTEMPTED: "[/]", SOLVED: "[x]"}
 _PYTHON = re.compile(r"(```python\n)(.*?)(```)", re.S)
+# Code within a line; a cell of a table that holds nothing else needs no marks.
+_INLINE = re.compile(r"(?<![`|])(?<!\| )`([^`\n]+)`(?!`)")
 _WHOLE = 400  # characters: an example is shown whole, unless its answer is large
 _STATE_STYLES = {NOT_ATTEMPTED: "dim", ATTEMPTED: "warn", SOLVED: "good"}
 
@@ -66,7 +68,11 @@ def examples(card: Card) -> list[tuple[str, str]]:
 
 
 def markdown_lines(text: str, terminal: Terminal) -> list[str]:
-    """Return Markdown as the lines of a terminal."""
+    """Return Markdown as the lines of a terminal.
+
+    Without colour, code within a line keeps its backticks: an argument called `every` is no
+    word of the sentence.
+    """
     import io
 
     from rich.console import Console
@@ -83,6 +89,10 @@ def markdown_lines(text: str, terminal: Terminal) -> list[str]:
     )
     inside = terminal.width - 2  # code stands between two blank columns
     text = _PYTHON.sub(lambda m: f"{m[1]}{fitted(m[2], inside)}\n{m[3]}", readable(text))
+    if not terminal.colour:
+        pieces = re.split(r"(```.*?```)", text, flags=re.S)
+        pieces[::2] = [_INLINE.sub(r"`` `\1` ``", piece) for piece in pieces[::2]]
+        text = "".join(pieces)
     console.print(Markdown(text, hyperlinks=False))
     lines = [line.rstrip() for line in page.getvalue().rstrip("\n").split("\n")]
     return [line for i, line in enumerate(lines) if line or (i and lines[i - 1])]

@@ -164,6 +164,13 @@ def test_the_json_of_the_quick_commands(place: Place) -> None:
     assert place.json("reset", "verlet")["backup"] is None
 
 
+def test_an_argument_is_marked_where_there_is_no_colour(place: Place) -> None:
+    """`every` is also an English word; in the table it is alone in its column."""
+    shown = place.run("show", "execute_chunks").out
+    assert "0,\n`every`, `2 * every` and so on" in shown
+    assert re.search(r"takes +every +number", shown)
+
+
 @pytest.mark.prove
 def test_what_to_do_next_is_chosen(place: Place) -> None:
     """By chapter, level and minutes; what was tried goes first, what is solved is gone."""

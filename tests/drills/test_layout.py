@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import itertools
+import json
 import re
 import subprocess
 import sys
@@ -15,6 +17,7 @@ import numpy as np
 import pytest
 
 from drills import cards as catalogue
+from drills import exercise as exercises
 from drills.cards import UnknownExercise, definitions
 from drills.exercise import Slip, coarse_slips, slips
 from tests.prove.drills.test_natural import answers
@@ -194,6 +197,36 @@ def test_an_exercise_has_one_name_and_its_entry_holds_it(one: catalogue.Card) ->
         with pytest.raises(UnknownExercise) as caught:
             catalogue.card(one.entry)
     assert caught.value.nearest[0] == one.name
+
+
+def test_a_task_about_a_faulty_program_first_says_where_it_is() -> None:
+    """On a page of the course the program is in the cell below the card, as the task says."""
+    faulty = [one for one in catalogue.cards() if one.faulty]
+    assert faulty == [one for one in catalogue.cards() if one.title.startswith("Silent bug")]
+    below: dict[str, str] = {}
+    for path in (ROOT / "notebooks").glob("*.ipynb"):
+        cells = ["".join(c["source"]) for c in json.loads(path.read_text("utf-8"))["cells"]]
+        below |= {cell.strip(): after for cell, after in itertools.pairwise(cells)}
+    for one in faulty:
+        first = one.prompt().split("\n\n")[1]
+        assert first.startswith(f"`drills start {one.name}` writes the faulty program")
+        assert f"def {one.entry}(" in below[f'card("{one.name}")']
+
+
+def test_no_start_of_the_wrist_is_farther_from_its_goal_than_the_prompt_says() -> None:
+    """The checked starts and the examples; with integers, the nearest angles are (pi, 0, 0)."""
+    from drills.catalogue.wrist_ik.exercise import EXERCISE, cases
+
+    prompt = " ".join(catalogue.card("wrist_ik").prompt().split())
+    assert "each joint is at most 1 rad from the nearest angles" in prompt
+    solve = exercises.worked_answer("wrist_ik")
+    starts = [case.args for case in cases(np.random.default_rng(5))]
+    for text in EXERCISE.examples:
+        eval(text.removesuffix(".round(6)"), {"np": np, "wrist_ik": lambda *a: starts.append(a)})
+    for start, target, _, steps in starts:
+        if steps:
+            away = np.abs(solve(start, target, 0.05, 200) - start)
+            assert away.max() <= 1.0, (start, target)
 
 
 def test_a_range_that_is_refused_is_refused_in_the_prompt() -> None:

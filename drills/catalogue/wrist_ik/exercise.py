@@ -198,7 +198,7 @@ EXERCISE = Exercise(
     examples=(
         "wrist_ik(np.array([0.5, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]), 0.05, 60).round(6)",
         "wrist_ik(np.array([0.5, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0, 0.0]), 0.05, 60).round(6)",
-        "wrist_ik(np.array([0.0, 0.3, 0.0]), np.array([0.8, 0.0, 0.0, 0.6]), 0.05, 60).round(6)",
+        "wrist_ik(np.array([0.0, 0.3, 0.0]), np.array([0.96, 0.0, 0.0, 0.28]), 0.05, 60).round(6)",
     ),
     picture=angles,
     slips=SLIPS + value_slips("wrist_ik", in_part=False, whole=True),
