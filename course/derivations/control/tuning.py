@@ -109,10 +109,10 @@ def p_alone_overshoots(result):
         zip(draws, result.rng.uniform(0.2, 0.95, 4), (-3.0, 0.3, 0.9, 0.99), strict=False)
     )
     delays = list(zip(draws, result.rng.uniform(0.5, 3.0, 4), strict=False))
-    calm = [over(*d, share, speed=x * faster(share)) for d, share, x in starts]
-    calm += [over(*d, 0.95 * allowed(late), late) for d, late in delays]
-    calm += [over(*draws[0], share, load=-0.6) for share in (2.0, 20.0)]
-    calm += [over(*draws[0], share, dry=0.6) for share in (2.0, 20.0)]
+    calm = [over(d[0], d[1], share, speed=x * faster(share)) for d, share, x in starts]
+    calm += [over(d[0], d[1], 0.95 * allowed(late), late) for d, late in delays]
+    calm += [over(draws[0, 0], draws[0, 1], share, load=-0.6) for share in (2.0, 20.0)]
+    calm += [over(draws[0, 0], draws[0, 1], share, dry=0.6) for share in (2.0, 20.0)]
     result.statement_holds(
         over(J, B, 0.9) > 0,
         only_if="kp is above b^2/(4*J), or above the lower gain that a delay allows, or the start "
@@ -121,8 +121,8 @@ def p_alone_overshoots(result):
         inside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, above, strict=True)]
         + [over(d[0], d[1], 0.95, late=1.0) > 0 for d in draws[:4]]
         + [over(d[0], d[1], 0.9, speed=2.0) > 0 for d in draws[:4]]
-        + [over(*d, share, speed=1.05 * faster(share)) > 0 for d, share, _ in starts]
-        + [over(*d, 1.2 * allowed(late), late) > 0 for d, late in delays],
+        + [over(d[0], d[1], share, speed=1.05 * faster(share)) > 0 for d, share, _ in starts]
+        + [over(d[0], d[1], 1.2 * allowed(late), late) > 0 for d, late in delays],
         outside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, below, strict=True)]
         + [overshoot > 0 for overshoot in calm],
     )
