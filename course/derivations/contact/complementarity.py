@@ -28,19 +28,36 @@ def _ball(gap, speed, dt):
 
 @claim(
     "At a contact the velocity jumps.",
-    "However short the step, a rigid contact has taken the whole approach speed at its end. "
+    "However short the step, a rigid contact that closes has taken the whole approach speed at "
+    "its end. A rigid contact at rest has nothing to take, so nothing jumps there. "
     "A spring, a damper or MuJoCo's soft contact changes the velocity over a certain "
     "time, so a short step changes it only a little: by {soft_share:.1%} of the approach speed in "
     "{dt_us:.0f} us.",
 )
 def contact_velocity_jumps(result):
-    from course.contact import solve
+    from course.contact import scenes, solve
 
     dt = result.input("dt_us", 100.0) * 1e-6
 
     def lost(model, speed, step):
         v = solve(model, _ball(-1e-9, -speed, step)).velocity[0]
         return (v + speed) / speed > 0.5
+
+    def changes(model, scene, velocity, step):
+        """Return the contacts' normal velocities before a step, and by how much it changes them."""
+        problem = scene.problem(step, v=np.array(velocity))
+        normal = problem.jacobian[:, 0]
+        before = normal @ problem.velocity
+        return before, normal @ solve(model, problem).velocity - before
+
+    def all_stop(model, scene, velocity, step):
+        """Return whether each contact that closes takes more than half of its approach speed."""
+        before, change = changes(model, scene, velocity, step)
+        return bool(np.all(change[before < 0.0] > -0.5 * before[before < 0.0]))
+
+    def jumps(model, scene, velocity, step):
+        """Return whether some contact's velocity changes by more than a tenth of 1 m/s."""
+        return bool(np.abs(changes(model, scene, velocity, step)[1]).max() > 0.1)
 
     # Steps over three decades: a velocity that jumps must do so however short the step is.
     speeds, steps = result.rng.uniform(0.5, 3.0, 8), 10 ** result.rng.uniform(-7, -4, 8)
@@ -49,10 +66,31 @@ def contact_velocity_jumps(result):
     result.statement = f"A ball at 1 m/s, a step of {dt:g} s: the soft model takes {soft:.4f} m/s."
     result.statement_holds(
         lost("soft", 1.0, dt),
-        only_if="the bodies are rigid",
-        inside=[lost(m, *row) for m in RIGID for row in zip(speeds, steps, strict=True)],
+        only_if="the bodies are rigid and approach each other where they touch",
+        # Chosen to break it: several contacts that close at once, and one that also slides.
+        inside=[lost(m, *row) for m in RIGID for row in zip(speeds, steps, strict=True)]
+        + [
+            all_stop(m, scene, v, h)
+            for m in RIGID
+            for h in steps[:2]
+            for scene, v in (
+                (scenes.tower([1.0, 5.0, 2.0]), [-1.0, -1.0, -2.0]),
+                (scenes.table((0.3, 0.1)), [-1.0, 0.5, 0.3]),
+                (scenes.block(0.2, 0.5), [1.0, 0.5, -0.7]),
+            )
+        ],
         outside=[
             lost(m, *row) for m in ("soft", "penalty") for row in zip(speeds, steps, strict=True)
+        ]
+        # Rigid contacts at rest, and one that opens.
+        + [
+            jumps(m, scene, v, h)
+            for m in RIGID
+            for h in steps[:2]
+            for scene, v in (
+                (scenes.tower([1.0, 5.0]), [0.0, 0.0]),
+                (scenes.ball_drop(0.0), [1.0]),
+            )
         ],
     )
     # A smooth force changes the velocity in proportion to the step.
@@ -90,16 +128,31 @@ def one_of_force_and_gap_is_zero(result):
     "Contact force and gap are never both positive.",
     "In the rigid law they are not. But a soft contact with a margin already pushes before the "
     "bodies touch: with {force_n:.2f} N at a gap of {gap_mm:.0f} mm, for a margin of "
-    "{margin_mm:.0f} mm. And a time step applies an impulse to a contact whose gap would close "
-    "within the step.",
+    "{margin_mm:.0f} mm. The convex friction law holds what slides at v up to a gap of mu v h: "
+    "{lifted_mm:.2f} mm at {speed:.0f} m/s, mu = {mu:.1f} and a step h of {step_ms:.0f} ms. And a "
+    "time step applies an impulse to a contact whose gap would close within the step.",
 )
 def never_both_positive(result):
-    from course.contact import solve
+    from course.contact import scenes, solve
 
     gap, margin = result.input("gap_mm", 5.0) * 1e-3, result.input("margin_mm", 10.0) * 1e-3
 
     def both(model, gap, **options):
         return bool(solve(model, _ball(gap, 0.0, 1e-3), **options).impulses[0, 0] > 0)
+
+    mu, speed = result.input("mu", 0.5), result.input("speed", 3.0)
+    step = 1e-3 * result.input("step_ms", 1.0)
+
+    def slides(model, gap, speed):
+        """Return whether a block that slides at this gap above the ground is pushed."""
+        start = np.array([0.0, 0.0, gap]), np.array([speed, 0.0, 0.0])
+        problem = scenes.block(0.0, mu).problem(step, *start)
+        return bool(solve(model, problem).impulses[0, 0] > 0)
+
+    def stopped_below(model, gap):
+        """Return whether a body is pushed that falls on one which the ground stops."""
+        start = np.array([0.0, gap]), np.array([-1.0, -1.0])
+        return bool(solve(model, scenes.tower([1.0, 1.0]).problem(step, *start)).impulses[1, 0] > 0)
 
     force = solve("soft", _ball(gap, 0.0, 1e-3), margin=margin).impulses[0, 0] / 1e-3
     result.measure("force_n", force, tolerance=1e-6)
@@ -107,14 +160,28 @@ def never_both_positive(result):
     gaps = result.rng.uniform(1e-3, 8e-3, 8)
     # 0.1 mm above the ground at 1 m/s and 1 ms: the gap closes within the step.
     closing = solve("lcp", _ball(1e-4, -1.0, 1e-3)).impulses[0, 0]
+    low, high = 0.0, 1e-2
+    while high - low > 1e-7:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if slides("convex", middle, speed) else (low, middle)
+    lifted = 1e-3 * result.measure("lifted_mm", 1e3 * low, tolerance=1e-3)
+    others = ("lcp", "pgs", "coulomb", "soft", "penalty")
+    sliding = result.rng.uniform(0.5, 5.0, 8)
     result.statement = f"MuJoCo's model, 1 kg at rest {gap:g} m above the ground: {force:.3f} N."
     result.statement_holds(
         not both("soft", gap, margin=margin),
-        only_if="the model has no margin and the gap is not about to close",
-        inside=[not both(m, x) for m in (*RIGID, "soft", "penalty") for x in gaps],
-        outside=[not both("soft", x, margin=margin) for x in gaps],
+        only_if="the model has no margin, the friction law does not lift what slides, as the "
+        "convex law does, and the gap does not close within the step",
+        inside=[not both(m, x) for m in (*RIGID, "soft", "penalty") for x in gaps]
+        # Chosen to break it: blocks that slide fast, at gaps at which the convex law pushes.
+        + [not slides(m, 0.9 * mu * step * v, v) for m in others for v in sliding]
+        + [not slides("convex", 1.1 * mu * step * v, v) for v in sliding],
+        outside=[not both("soft", x, margin=margin) for x in gaps]
+        + [not slides("convex", 0.9 * mu * step * v, v) for v in sliding]
+        # Two bodies at one speed: the gap only closes because the ground stops the lower one.
+        + [not stopped_below(m, x) for m in RIGID for x in (1e-5, 1e-4)],
     )
-    result.correction_holds(force > 0, closing > 0)
+    result.correction_holds(force > 0, closing > 0, abs(lifted / (mu * speed * step) - 1) < 0.02)
 
 
 @claim(
@@ -198,6 +265,7 @@ def contact_law_is_set_valued(result):
 def contact_is_an_lcp(result):
     from course.contact import scenes, solve
     from course.contact.models import defect
+    from course.contact.problem import Problem
 
     def linear(angle, mu, degrees):
         t = np.radians(degrees)
@@ -210,6 +278,37 @@ def contact_is_an_lcp(result):
         # Row 2 left out: sliding in one direction only.
         problem = scenes.pinch(5.0, seed).problem(0.01)
         return defect(problem, solve("lcp", problem).impulses) < 1e-9
+
+    def random_contacts(d):
+        """Return up to six contacts of d rows on one to six degrees of freedom."""
+        n, freedoms = result.rng.integers(1, 7, 2)
+        root, velocity = (
+            result.rng.normal(size=(freedoms, freedoms)),
+            result.rng.normal(size=freedoms),
+        )
+        coefficients = np.repeat(result.rng.uniform(0.05, 3.0, (n, 1)), d - 1, axis=1)
+        return Problem(
+            root @ root.T + 0.1 * np.eye(freedoms),
+            result.rng.normal(size=(n, d, freedoms)),
+            velocity,
+            velocity + 0.01 * result.rng.normal(size=freedoms),
+            np.zeros(n),  # what is deep and jammed between two walls has no solution at all
+            coefficients,
+            0.01,
+        )
+
+    def obeys_pyramid(problem):
+        """Return whether the LCP's impulses obey the pyramid's law, computed without the LCP."""
+        impulses = solve("lcp", problem).impulses
+        normal, friction = impulses[:, 0], impulses[:, 1:]
+        speed = problem.jacobian @ problem.after(impulses)
+        apart = speed[:, 0] - problem.target_velocity
+        limit = problem.friction[:, 0] * normal
+        # Signorini, the pyramid's limit, and the largest power that friction in it can take out.
+        signorini = np.abs(np.minimum(normal, apart))
+        beyond = np.abs(friction).sum(axis=1) - limit
+        power = np.sum(friction * speed[:, 1:], axis=1) + limit * np.abs(speed[:, 1:]).max(axis=1)
+        return bool(max(signorini.max(), beyond.max(), np.abs(power).max()) < 1e-7)
 
     degrees, mu = result.input("degrees", 22.5), result.input("mu", 0.5)
     step = result.input("step_ms", 10.0)
@@ -224,7 +323,15 @@ def contact_is_an_lcp(result):
         between < 1e-9,
         only_if="there is no friction, friction in one direction only, or a pyramid instead of "
         "the cone",
-        inside=[planar(mu) for mu in mus] + [linear(0.0, 0.0, a) < 1e-9 for a in 90 * mus],
+        inside=[planar(mu) for mu in mus]
+        + [linear(0.0, 0.0, a) < 1e-9 for a in 90 * mus]
+        # Chosen to break it: several contacts at once, redundant ones, and high friction.
+        + [obeys_pyramid(random_contacts(3)) for _ in range(12)]
+        + [
+            defect(problem, solve("lcp", problem).impulses) < 1e-7
+            for d in (1, 2)
+            for problem in (random_contacts(d) for _ in range(12))
+        ],
         # Directions between the pyramid's edges; along an edge cone and pyramid coincide.
         outside=[linear(0.0, mu, a) < 1e-9 for mu, a in zip(mus, 10 + 70 * mus, strict=True)],
     )
@@ -340,9 +447,35 @@ def penalty_is_a_step(result):
 )
 def contact_gradients_vanish(result):
     from course.charts.contact.models import pushed, rebound, slope
+    from course.contact import scenes
 
     def push(p):
         return slope(lambda s: pushed(s, "rigid"), p, 1e-5)
+
+    def one_sided(width):
+        """Return the slope from the speed that just touches to one side of it."""
+        return (pushed(0.2 + width, "rigid") - pushed(0.2, "rigid")) / width
+
+    def push_before(p):
+        """Return the slope with MuJoCo's soft contact and a margin; no run reaches the block."""
+        finger = scenes.Scene(
+            np.eye(2),
+            np.array([[[-1.0, 1.0]]]),
+            np.array([0.1]),
+            np.zeros(2),
+            np.zeros((1, 0)),
+            np.zeros(2),
+            np.zeros(2),
+        )
+
+        def end(speed):
+            path = scenes.run(
+                replace(finger, v=np.array([speed, 0.0])), "soft", 5e-3, 100, margin=0.095
+            )
+            nearest = np.min(0.1 + path.q[1] - path.q[0])
+            return path.q[1, -1] if nearest > 0.0 else 0.0
+
+        return slope(end, p, 1e-5)
 
     # Central differences on either side of the speed at which the finger reaches the block.
     before = [push(p) for p in result.rng.uniform(0.05, 0.19, 4)]
@@ -362,9 +495,14 @@ def contact_gradients_vanish(result):
     slow, fast = result.rng.uniform(0.05, 0.19, 8), result.rng.uniform(0.21, 0.5, 8)
     result.statement_holds(
         max(np.abs(after)) < 1e-6,
-        only_if="nothing rubs, and the bodies do not touch, or just touch, in the run",
-        inside=[abs(push(p)) < 1e-9 for p in slow],
-        outside=[abs(push(p)) < 1e-9 for p in fast],
+        only_if="the bodies do not touch, or just touch, in the run, and no force acts before they "
+        "touch, as a margin or a smoothed contact law has",
+        inside=[abs(push(p)) < 1e-9 for p in slow]
+        # At the speed that just touches, the slopes of the two sides differ.
+        + [abs(one_sided(width) - one_sided(-width)) > 0.1 for width in (1e-6, 1e-5)],
+        outside=[abs(push(p)) < 1e-9 for p in fast]
+        # Chosen to break it: a soft contact pushes before touch, within its margin.
+        + [abs(push_before(p)) < 1e-9 for p in slow[:3]],
     )
     result.correction_holds(
         max(np.abs(before)) < 1e-9,

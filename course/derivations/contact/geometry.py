@@ -578,9 +578,9 @@ def circle_test_concentric(result):
 
 @claim(
     "Testing the circles in every step finds their collisions.",
-    "For a path that passes the centre at a distance d, they overlap over twice sqrt((r1 + r2)^2 - "
-    "d^2). With steps up to three times as long, {missed_percent:.0f} % of random flights went "
-    "undetected. The time of impact finds all of them.",
+    "For a straight relative path that passes the centre at a distance d, they overlap over twice "
+    "sqrt((r1 + r2)^2 - d^2). With steps up to three times as long, {missed_percent:.0f} % of "
+    "random flights went undetected. The time of impact finds all of them.",
 )
 def circles_once_a_step(result):
     from course import contact
@@ -604,6 +604,22 @@ def circles_once_a_step(result):
         )
         return observed, bool(np.isfinite(when).all())
 
+    def moving(low, high, n=40):
+        """Return whether a test per step sees each hit of two discs that both move."""
+        observed = []
+        for h in result.rng.uniform(0.0, 0.75, n):
+            chord = 2.0 * np.sqrt(0.8**2 - h**2)
+            # The relative motion of each step; either disc takes half of it, in its own direction.
+            steps = chord * result.rng.uniform(low, high, 3 + int(2.0 / (chord * low)))
+            x = -1.0 - steps[0] * result.rng.uniform() + np.cumsum(steps)
+            # Both drift along the same random path, which does not count.
+            drift = np.cumsum(result.rng.normal(0.0, 0.3, (2, len(x))), axis=1)
+            at_a, at_b = np.zeros((2, 3, len(x)))
+            half = 0.5 * np.stack((x, np.full(len(x), h)))
+            at_a[:2], at_b[:2] = drift + half, drift - half
+            observed.append(bool((contact.distance(b, at_b, a, at_a).distance <= 0.0).any()))
+        return observed
+
     inside, all_inside = flights(0.1, 1.0)
     # From 0.1 % above the chord, where a miss is rarest.
     outside, all_outside = flights(1.001, 3.0)
@@ -611,9 +627,12 @@ def circles_once_a_step(result):
     result.statement = "Discs of 0.3 and 0.5 m; phase of the step and offset of the path at random."
     result.statement_holds(
         all(outside),
-        only_if="a step is no longer than the distance over which the circles overlap",
-        inside=inside,
-        outside=outside,
+        only_if="no step of their relative motion is longer than the part of that path over which "
+        "they overlap",
+        # Chosen to break it: both discs move, on curved paths and in steps of unequal length.
+        inside=inside + moving(0.1, 1.0),
+        # And each disc by itself moves less than that part in a step, but the two together more.
+        outside=outside + moving(1.001, 2.0),
     )
     result.correction_holds(all(inside), all_inside, all_outside, not all(outside))
 
