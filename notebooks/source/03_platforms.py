@@ -885,7 +885,7 @@ more_claims("headless_renders")
 # <tr><td>Genesis World</td> <td>rigid, soft and fluid bodies in one scene</td> <td>Python; reads URDF, MJCF, USD and
 # meshes</td> <td>several, coupled: rigid, FEM, MPM, PBD and SPH particles, IPC</td> <td>[AMD's manual of
 # Genesis, 26.10](https://rocm.docs.amd.com/projects/genesis/en/docs-26.10/_sources/what-is-genesis.rst); file formats:
-# [genesis-world 1.4.1](https://pypi.org/project/genesis-world/1.4.1/)</td></tr> </table>
+# [genesis-world 1.4.1](https://genesis-world.readthedocs.io/)</td></tr> </table>
 #
 # </details>
 #

@@ -155,7 +155,7 @@ _NOW, _LEAST, _MEAN, _GREATEST, _RUN, _HERE, _RATE = word(
     "mean predicted",
     "bound predicted",
     "mean of the run",
-    "newest result of the box",
+    "result of the box",
     "planner's results",
 )
 _PER, _HIST, _AGE, _SHARE = word(" Hz", "age of the command in force", "age [ms]", "share")
@@ -391,7 +391,7 @@ READOUTS = {
         "Largest age of a command according to the formula: every stage just misses its input."
     ),
     "planner's results": "Plans that are finished per second.",
-    "newest result of the box": (
+    "result of the box": (
         "Age of the newest result of the selected box: the dot on the arrow behind it. Images "
         "in the box itself are younger."
     ),

@@ -148,10 +148,11 @@ def _edges(world: World, run: Run) -> list[Fault]:
             if fault.kind == "step":
                 is_target = bool((run.samples == b).all(axis=1).any())
                 # A target within a step of an earlier node is reached from there: only the parent
-                # that is stored is another.
+                # that is stored is another. In a small tree each parent may be the last node by
+                # chance, so a target out of reach counts first.
                 in_reach = bool(np.min(np.hypot(*(run.nodes[:i] - b).T)) <= world.step)
                 slip = "start_for_parent" if from_start else "last_for_parent" if from_last else ""
-                slip = slip or ("no_steering" if is_target and not in_reach else "")
+                slip = "no_steering" if is_target and not in_reach else slip
                 result.append(Fault("edges are no longer than the step", text, slip))
             else:
                 result.append(Fault("edges are free", text, _unchecked(world, a, b)))

@@ -67,6 +67,9 @@ def test_both_painters_draw_the_same_picture(page: Any, model: Any) -> None:
                 still = matplotlib.image.imread(BytesIO(to_png(shown, 1.0)), format="png")
                 still = still[: browser.shape[0], :, :3]
                 difference = np.abs(blurred(browser) - blurred(still)).max(axis=-1)
-                assert (blurred(still) < 0.9).any()
-                assert difference.max() < largest and (difference > 0.12).mean() < share
+                # The more is drawn, the more letters differ: up to a tenth of what is drawn on.
+                drawn = (blurred(still) < 0.9).any(axis=-1).mean()
+                assert drawn > 0.0
+                allowed = share * max(1.0, 10.0 * drawn)
+                assert difference.max() < largest and (difference > 0.12).mean() < allowed
             experiment.advance(1.3)
