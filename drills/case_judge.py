@@ -403,28 +403,33 @@ def _rows_right(answers: Sequence[Answer]) -> tuple[Any, list[str]] | None:
 
 def coarse(answers: Sequence[Answer]) -> str:
     """Return the slip of answers of which every wrong value is right but for its digits, or ""."""
-    result = {
+    wrong = [
         _coarse(part, truth)
         for answer in answers
         for part, truth, right in zip(answer.parts, answer.truth, answer.right, strict=True)
         if not right
-    } - {None}
-    return str(result.pop()) if len(result) == 1 else ""
+    ]
+    # A number such as 1.0 is short in both ways; those that are not tell which it was.
+    for slip in ("single_precision", "rounded"):
+        if all(slip in possible for possible in wrong) and any(len(p) == 1 for p in wrong):
+            return slip
+    return ""
 
 
-def _coarse(got: Any, expected: Array) -> str | None:
-    """Return what made a value coarse, "" if something else is wrong, None if unknown."""
+def _coarse(got: Any, expected: Array) -> frozenset[str]:
+    """Return what may have made a value coarse: nothing if something else is wrong."""
+    both = frozenset({"single_precision", "rounded"})
     try:
         values = as_float64(got, expected.shape)
     except Mismatch:
-        return ""
+        return frozenset()
     # Relative to the largest component: float32 has about 7 digits, 1e-5 leaves room for sums.
     scale, error = max(1.0, float(np.abs(expected).max())), largest_error(values, expected)
     if not values.any():
-        return None if error <= 1e-5 * scale else ""
-    if error <= 1e-5 * scale and np.array_equal(values, values.astype(np.float32)):
-        return "single_precision"
+        return both if error <= 1e-5 * scale else frozenset()
+    single = error <= 1e-5 * scale and np.array_equal(values, values.astype(np.float32))
     decimals = next((k for k in range(2, 11) if np.array_equal(values, values.round(k))), None)
-    if decimals is None or error > 0.501 * 10.0**-decimals:
-        return ""  # more than half a digit: another mistake, in numbers that happen to be short
-    return "rounded"
+    # More than half a digit: another mistake, in numbers that happen to be short.
+    rounded = decimals is not None and error <= 0.501 * 10.0**-decimals
+    found = {"single_precision": single, "rounded": rounded}
+    return frozenset(slip for slip, fits in found.items() if fits)

@@ -38,6 +38,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
     ties = np.array([2, 2, 4]), np.array([4, 8, 16]), np.array([4, 8, 16]), np.array([0, 0, 0])
     over = np.array([3, 3, 3, 1]), np.array([5, 8, 12, 100]), np.array([5, 8, 12, 100])
+    early = np.array([2, 3, 1]), np.array([10, 20, 100]), np.array([10, 4, 100])
     return [
         tasks("one task", "simple", n=1),
         tasks("two, hardly busy", "simple", n=2, load=0.4),
@@ -50,6 +51,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         *(tasks("round numbers", round_to=500, load=0.8) for _ in range(2)),
         Case(ties, "a release at the end", "edge"),
         Case((*over, np.zeros(4, int)), "too much", "edge"),
+        Case((*early, np.zeros(3, int)), "only the middle one is late", "edge"),
         tasks("ten tasks", "edge", n=10, held=0.05),
         Case(
             (np.array([1, 2]), np.array([3, 6]), np.array([3, 6]), np.array([2, 0])), WHOLE, "edge"
