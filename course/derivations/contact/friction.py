@@ -217,13 +217,36 @@ def pyramid_slips(result):
 
     degrees = result.input("degrees", 22.5)
 
-    def slips(angle, load=0.97, model="lcp", **options):
-        """Return under a load of this share of mu f_n, in this direction."""
+    def slips(angle, load=0.97, model="lcp", mu=0.5, mass=1.0, **options):
+        """Return whether a block slips under a load of this share of mu f_n, in this direction."""
         t = np.radians(angle)
-        base = scenes.block(0.0, 0.5)
-        push = load * 0.5 * scenes.GRAVITY * np.array([np.cos(t), np.sin(t), 0.0])
+        base = scenes.block(0.0, mu, mass=mass)
+        push = load * mu * mass * scenes.GRAVITY * np.array([np.cos(t), np.sin(t), 0.0])
         v = solve(model, replace(base, force=base.force + push).problem(0.01), **options)
         return bool(np.abs(v.velocity[:2]).max() > 1e-9)
+
+    def on_two_feet(angle, load, turned, model="lcp"):
+        """Return whether a body on two feet slips, their pyramids turned by these angles [deg].
+
+        Each foot is pressed down by a weight of its own; the load is a share of what both cones
+        hold, mu times the sum of the two weights.
+        """
+        t, weight = np.radians(angle), scenes.GRAVITY
+        rows = np.zeros((2, 3, 4))
+        for i, turn in enumerate(np.radians(turned)):
+            rows[i, 0, 2 + i] = 1.0
+            rows[i, 1:, :2] = (np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn))
+        push = load * weight * np.array([np.cos(t), np.sin(t)])  # mu is 0.5, twice
+        feet = scenes.Scene(
+            np.eye(4),
+            rows,
+            np.zeros(2),
+            np.array([*push, -weight, -weight]),
+            np.full((2, 2), 0.5),
+            np.zeros(4),
+            np.zeros(4),
+        )
+        return bool(np.abs(solve(model, feet.problem(0.01)).velocity[:2]).max() > 1e-9)
 
     distance, direction = stopped("lcp", degrees, 2e-4, 1.0)
     result.measure("stretched", distance, tolerance=1e-3)
@@ -233,24 +256,51 @@ def pyramid_slips(result):
     def share(angle):
         return 1.0 / (abs(np.cos(np.radians(angle))) + abs(np.sin(np.radians(angle))))
 
+    strange = [
+        (angle + 90.0 * quarter, 10.0**mu, 10.0**mass)
+        for angle, quarter, mu, mass in zip(
+            result.rng.uniform(5.0, 85.0, 6),
+            result.rng.integers(0, 4, 6),
+            result.rng.uniform(-2.0, 1.0, 6),
+            result.rng.uniform(-3.0, 3.0, 6),
+            strict=True,
+        )
+    ]
     result.statement = (
         f"Way {distance:.4f}, sqrt(1 + sin^2 2t) = {np.hypot(1, np.sin(np.pi / 4)):.4f}."
     )
     result.statement_holds(
         slips(0.0),
-        only_if="the load is above the cone's divided by |cos(t)| + |sin(t)|, with t its angle to "
-        "an edge, and not above the cone's own",
+        only_if="the pyramids of all contacts have four edges, on the cone and in the same "
+        "directions, the object does not turn, and the load is above the cone's divided by "
+        "|cos(t)| + |sin(t)|, with t its angle to an edge, and not above the cone's own",
         # Above the cone's own load the object slips with any friction law: not the pyramid's doing.
         inside=[
             slips(angle, load) and not slips(angle, load, "coulomb")
             for angle in between
             for load in (1.001 * share(angle), 0.999)
+        ]
+        # Chosen to break it: loads in all quadrants, other masses and friction, and two contacts.
+        + [
+            slips(angle, load, mu=mu, mass=mass) and not slips(angle, load, "coulomb", mu, mass)
+            for angle, mu, mass in strange
+            for load in (1.001 * share(angle), 0.999)
+        ]
+        + [
+            on_two_feet(angle, 1.001 * share(angle), (0.0, 90.0))
+            and not on_two_feet(angle, 0.999, (0.0, 90.0), "coulomb")
+            for angle in between[:4]
         ],
         outside=[
             slips(angle, load) and not slips(angle, load, "coulomb")
             for angle in between
             for load in (0.999 * share(angle), 1.001)
-        ],
+        ]
+        # Pyramids with more edges, or around the cone, and two that are turned against each other:
+        # each foot then pulls along its nearest edge.
+        + [slips(22.5, 1.02 * share(22.5), edges=8)]
+        + [slips(angle, 0.999, around=True) for angle in between[:4]]
+        + [on_two_feet(0.0, 0.93, (-20.0, 20.0))],
     )
     t = np.radians(degrees)
     result.correction_holds(
@@ -607,7 +657,9 @@ def penalty_law_has_a_plus(result):
 @claim(
     "The damper of a penalty contact damps the oscillation.",
     "The damping itself lowers that limit: in semi-implicit Euler to 2 (sqrt(1 + zeta^2) - "
-    "zeta)/omega. Above the limit the damper drives the oscillation. A contact that opens and "
+    "zeta)/omega. Above the limit the damper drives the oscillation. With several contacts, omega "
+    "and zeta are those of the fastest oscillation: in a tower of {boxes:.0f} equal boxes both are "
+    "{faster:.2f} times those of one box on the same contact. A contact that opens and "
     "closes needs a shorter step. Dropped from {drop_mm:.0f} mm, at a damping ratio of {ratio:.2f} "
     "and {share:.0%} of the limit, a ball reaches more than {gained:.0f} times its energy. At "
     "{safe:.0%} of the limit and a damping ratio of {least:.1f} or more, none of our balls gains "
@@ -639,6 +691,32 @@ def damper_damps(result):
         energy = 0.5 * path.v[0] ** 2 + scenes.GRAVITY * path.q[0]
         return energy.max() / (scenes.GRAVITY * drop)
 
+    def fastest(scene):
+        """Return the largest natural frequency of bodies on springs of 1e4 N/m [rad/s]."""
+        normal = scene.jacobian[:, 0]
+        stiffness = 1e4 * normal.T @ normal
+        return np.sqrt(np.linalg.eigvals(np.linalg.solve(scene.mass, stiffness)).real.max())
+
+    def several(scene, ratio, share, omega):
+        """Return the largest swing [m] of bodies that start at rest but 2 % too deep.
+
+        `omega` is the frequency from which damping and step are computed.
+        """
+        normal = scene.jacobian[:, 0]
+        deep = 1.02 * np.linalg.solve(1e4 * normal.T @ normal, scene.force)
+        path = scenes.run(
+            replace(scene, q=deep),
+            "penalty",
+            share * step_limit(ratio, "semi-implicit") / omega,
+            1000,
+            stiffness=1e4,
+            damping=2e4 * ratio / omega,
+        )
+        return np.ptp(path.q[:, -100:], axis=1).max()
+
+    stacks = [scenes.tower([1.0] * 3), scenes.tower([1.0, 2.0, 0.3]), scenes.table((0.2, 0.1))]
+    boxes = int(result.input("boxes", 3))
+    result.measure("faster", fastest(scenes.tower([1.0] * boxes)) / 100.0, tolerance=1e-6)
     ratio, share = result.input("ratio", 0.02), result.input("share", 0.95)
     drop = 1e-3 * result.input("drop_mm", 10.0)
     gained = result.input("gained", 100.0)
@@ -651,11 +729,16 @@ def damper_damps(result):
     result.statement = "A ball on a damped spring, steps below and above the limit."
     result.statement_holds(
         swing(1.0, 1.1) < 1e-6,
-        only_if="the step is below the scheme's limit, and well below it if the contact opens",
+        only_if="the step is below the scheme's limit for the fastest oscillation of the bodies on "
+        "their contacts, and well below it if a contact opens",
         inside=[swing(z, s) < 1e-6 for z, s in zip(ratios, shares, strict=True)]
-        + [gains(z, safe, height) < 1.0 + 1e-9 for z, height in zip(damped, bounces, strict=True)],
+        + [gains(z, safe, height) < 1.0 + 1e-9 for z, height in zip(damped, bounces, strict=True)]
+        # Chosen to break it: towers and a table, close to the limit of their fastest oscillation.
+        + [several(scene, z, 0.97, fastest(scene)) < 1e-6 for scene in stacks for z in (0.3, 1.0)],
         outside=[swing(z, 1.02 + s / 3) < 1e-6 for z, s in zip(ratios, shares, strict=True)]
-        + [gains(ratio, share, height) < 1.0 + 1e-9 for height in bounces],
+        + [gains(ratio, share, height) < 1.0 + 1e-9 for height in bounces]
+        # Below the limit of one box of 1 kg, which such towers exceed.
+        + [several(scenes.tower([1.0] * n), 1.0, 0.95, 100.0) < 1e-6 for n in (2, boxes)],
     )
     # Past the limit the contact may only rattle, but it leaves rest.
     result.correction_holds(

@@ -1,5 +1,7 @@
 """Claims on solvers: what they solve, how long they take, how large a step they bear."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from course.derivations import Symbol, claim
@@ -300,6 +302,11 @@ def heavy_on_light_sinks(result):
     def sunk(mass, model, **options):
         return np.abs(scenes.run(scenes.tower([1.0, mass]), model, dt, steps, **options).q).max()
 
+    def warm(mass):
+        """Return how far the boxes are from their positions after so few sweeps a step [m]."""
+        q, _, _ = scenes.march(scenes.tower([1.0, mass]), dt, steps, sweeps=sweeps)
+        return np.abs(q).max()
+
     rigid = sunk(heavy, "coulomb")
     swept = result.measure("swept_mm", 1e3 * sunk(heavy, "pgs", sweeps=sweeps), tolerance=1e-2)
     masses = result.rng.uniform(50.0, 500.0, 8)
@@ -308,7 +315,9 @@ def heavy_on_light_sinks(result):
     result.statement_holds(
         np.abs(np.array(others) / newton - 1).max() > 1e-3,
         only_if="the contact is rigid and the sweeps are cut short",
-        inside=[sunk(m, "pgs", sweeps=sweeps) > 1e-3 > 1e3 * sunk(m, "lcp") for m in masses],
+        inside=[sunk(m, "pgs", sweeps=sweeps) > 1e-3 > 1e3 * sunk(m, "lcp") for m in masses]
+        # Chosen to break it: each step starts from the impulses of the step before.
+        + [warm(m) > 1e-3 > 1e3 * sunk(m, "lcp") for m in masses],
         # The same towers with the sweeps they need, which must not sink.
         outside=[sunk(m, "pgs", sweeps=20000) > 1e-3 for m in masses],
     )
@@ -325,7 +334,9 @@ def heavy_on_light_sinks(result):
 
 @claim(
     "The top of a tower of n equal boxes sags by n (n + 1)/2 times what the topmost contact does.",
-    "In MuJoCo, the contact with the ground counts the mass of one body "
+    "If the springs stiffen with the depth, as between two balls (Hertz), the lower contacts sink "
+    "by less: {hertz:.2f} of it for {few:.0f} boxes. In MuJoCo, the contact with the ground counts "
+    "the mass of one body "
     "and the others that of two; with constant impedance the top then sags by n^2 times the depth "
     "of a single body on the ground. The default impedance grows with the depth, and then there "
     "is no simple law: {few:.0f} boxes sag by {share_few:.3f} of n (n + 1)/2 times their topmost "
@@ -345,6 +356,17 @@ def tower_sags(result):
         q = scenes.run(scenes.tower([1.0] * n), "penalty", 1e-3, 5000, **options).q[:, -1]
         return q[-1] / (q[-1] - q[-2]) / (n * (n + 1) / 2)
 
+    def piled(n, power, stiffness=1e5, dt=1e-3):
+        """Return the same for springs whose force is the stiffness times depth to a power."""
+        q, v = np.zeros(n), np.zeros(n)
+        for _ in range(3000):
+            depth = np.maximum(0.0, -np.diff(q, prepend=0.0))
+            force = stiffness * depth**power - 100.0 * np.diff(v, prepend=0.0)
+            force = np.where(depth > 0.0, np.maximum(0.0, force), 0.0)
+            v += dt * (force - np.append(force[1:], 0.0) - scenes.GRAVITY)
+            q += dt * v
+        return q[-1] / (q[-1] - q[-2]) / (n * (n + 1) / 2)
+
     n, few = result.input("n", 10), result.input("few", 3)
     # On the ground (1 - d) g = d k d r for one body, k = 1/(d T)^2.
     ground, constant = 0.1 * scenes.GRAVITY * 0.02**2, (0.9, 0.9, 0.001, 0.5, 2.0)
@@ -355,16 +377,24 @@ def tower_sags(result):
         result.measure("share", shares[n], 1e-3),
         result.measure("share_few", shares[few], 1e-3),
     )
+    hertz = result.measure("hertz", piled(few, 1.5), 1e-3)
     result.statement = f"Constant impedance over n^2 ground units: {np.round(square, 9)}."
     result.statement_holds(
         abs(big - 1) < 0.02,
-        only_if="all contacts are equal springs",
-        inside=[abs(springs(m, k) - 1) < 1e-4 for m, k in ((3, 3e4), (6, 1e4), (n, 1e4))],
-        outside=[abs(share - 1) < 0.02 for share in shares.values()],
+        only_if="all contacts are equal springs whose force is proportional to the depth",
+        inside=[abs(springs(m, k) - 1) < 1e-4 for m, k in ((3, 3e4), (6, 1e4), (n, 1e4))]
+        + [abs(piled(few, 1.0) - 1) < 1e-3],
+        outside=[abs(share - 1) < 0.02 for share in shares.values()]
+        # Chosen to break it: springs that are equal and stiffen with the depth, as between balls.
+        + [abs(piled(m, 1.5) - 1) < 0.02 for m in (few, 6)],
         cases=True,
     )
     result.correction_holds(
-        np.allclose(square, 1.0, atol=1e-9), big < 0.7, abs(big / small - 1) > 0.02
+        np.allclose(square, 1.0, atol=1e-9),
+        big < 0.7,
+        abs(big / small - 1) > 0.02,
+        # Each depth is the load above it to the power 2/3.
+        abs(hertz / np.mean(np.arange(1, few + 1) ** (2 / 3)) * (few + 1) / 2 - 1) < 1e-2,
     )
 
 
@@ -469,13 +499,22 @@ def default_tolerance(result):
     from course.contact.soft import soft_forces
     from course.oracles.mujoco import contact
 
-    def worst(solver, tolerance, ls_tolerance):
+    def box(options):
+        return contact.box(options, (0.5, 0.2))
+
+    def stack(options):
+        return contact.box(options, (0.3, 0.0), 4)
+
+    def heavy_on_light(options):
+        return contact.tower(replace(options, condim=1), [1.0, 1e6])
+
+    def worst(solver, tolerance, ls_tolerance, make=box, until=150, **more):
         """Return the largest difference from our forces over the largest force, on the way."""
-        options, deviation = contact.Options(solver=solver, tolerance=tolerance), []
-        runner = contact.box(options, (0.5, 0.2))
+        options, deviation = contact.Options(solver=solver, tolerance=tolerance, **more), []
+        runner = make(options)
         runner.model.opt.ls_tolerance = ls_tolerance
         # States along the whole motion, as the error depends on which contacts slide.
-        for steps in range(5, 150, 5):
+        for steps in range(5, until, 5):
             runner.run(steps)
             state = contact.contact_state(runner)
             if state is not None:
@@ -493,8 +532,15 @@ def default_tolerance(result):
     result.statement_holds(
         max(deviation) < 1e-9,
         only_if="the solver is run to convergence, as Newton's is with its tolerance set to zero",
-        inside=[tight < 1e-9],
-        outside=[x < 1e-9 for x in deviation],
+        # Chosen to break it: a stack, a heavy body on a light one, a pyramid, stiff friction rows,
+        # and MuJoCo's own tolerance of the line search.
+        inside=[tight < 1e-9]
+        + [worst("Newton", 0.0, given[1], make, 25) < 1e-9 for make in (stack, heavy_on_light)]
+        + [worst("CG", 0.0, given[1], heavy_on_light, 25) < 1e-9]
+        + [worst("Newton", 0.0, given[1], box, 25, cone="pyramidal") < 1e-9]
+        + [worst("Newton", 0.0, given[1], box, 25, impratio=x) < 1e-9 for x in (0.01, 1e4)],
+        # With a tolerance of zero PGS ends at the default limit of iterations, not at convergence.
+        outside=[x < 1e-9 for x in deviation] + [worst("PGS", 0.0, given[1], box, 25) < 1e-9],
         cases=True,
     )
     result.correction_holds(tight < 1e-9, 1e-6 < min(deviation), max(deviation) < 1e-2)
