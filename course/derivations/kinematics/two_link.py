@@ -72,7 +72,7 @@ def fk_is_a_product(result):
 @claim(
     "The tip of two links is at x = l1 cos q1 + l2 cos(q1 + q2), y = l1 sin q1 + l2 sin(q1 + q2).",
     "Models of a double pendulum often measure q1 from the arm that hangs down: subtract pi/2 from "
-    "it first. "
+    "it first. If q2 is zero with the second link folded onto the first, subtract pi from it. "
     "Motors that sit in the base measure both angles from the x axis; then q2 replaces the sum. "
     "Confusing the two conventions puts the tip of links of {l1_m} m and {l2_m} m up to "
     "{worst_m:.2f} m off.",
@@ -114,12 +114,17 @@ def two_link_position(result):
         np.linalg.norm(planar_tip(arm, -q) - planar_tip(arm, q))
         for arm, q in zip(arms, draws, strict=True)
     ]
+    # Chosen to break it: q2 as the angle between the links, zero when they are folded.
+    between = [
+        np.linalg.norm(planar_tip(arm, q - [0.0, np.pi]) - planar_tip(arm, q))
+        for arm, q in zip(arms, draws, strict=True)
+    ]
     result.statement_holds(
         all(plain) and max(grid) < 1e-12,
-        only_if="the base is at the origin, q1 is measured from the x axis and q2 from the first "
-        "link, both counterclockwise",
+        only_if="the base is at the origin, q1 is measured from the x axis and q2 from the "
+        "extension of the first link, both in the direction from x to y",
         inside=plain + wound,
-        outside=absolute + [x < 1e-12 for x in (*hanging, *clockwise)],
+        outside=absolute + [x < 1e-12 for x in (*hanging, *clockwise, *between)],
     )
     result.correction_holds(
         max(grid) > lengths[1],
@@ -129,6 +134,8 @@ def two_link_position(result):
             abs(x - np.sqrt(2) * np.linalg.norm(planar_tip(arm, q))) < 1e-12
             for x, arm, q in zip(hanging, arms, draws, strict=True)
         ),
+        # Half a turn of the second link moves the tip by twice its length.
+        all(abs(x - 2 * arm[1]) < 1e-12 for x, arm in zip(between, arms, strict=True)),
     )
 
 

@@ -255,13 +255,33 @@ def perfect_fit(result):
         ends = [np.abs(roll(task, act, start, steps, rng).states[:, -1]).max() for act in acts]
         return bool(ends[1] < ends[0] + 1e-6)
 
+    def with_offset(plant):
+        """Return whether a clone with an offset is as good, on states of one angle."""
+        states = np.column_stack((np.ones(20), result.rng.uniform(-1, 1, 20)))
+        labels = plant.expert(states, result.rng)[:, 0]
+        fitted = np.linalg.lstsq(np.column_stack((states, np.ones(20))), labels)[0]
+        return bool(plant.radius(-fitted[:2]) < plant.radius(plant.K) + 1e-6)
+
+    def gain_per_step(plant, steps=40):
+        """Return whether a clone with a gain for each step ends as near, started elsewhere."""
+        state, ends = np.array([1.0, 0.0]), [np.array([0.0, 1.0])] * 2
+        for _ in range(steps):
+            # The gain of smallest norm that repeats the action in this one state.
+            gains = plant.K, plant.K @ state / (state @ state) * state
+            ends = [plant.closed(gain) @ end for gain, end in zip(gains, ends, strict=True)]
+            state = plant.closed(plant.K) @ state
+        return bool(np.abs(ends[1]).max() < np.abs(ends[0]).max() + 1e-6)
+
     result.statement_holds(
         copy < 1.0,
-        only_if="expert and clone are linear in the state, and the demonstrated states span all "
-        "directions, by far more than rounding",
+        only_if="expert and clone act with u = -K x, one gain for all steps and no offset, and the "
+        "demonstrated states span all directions, by far more than rounding",
         # Chosen to break it: states that span a direction thinly, and a clone that is not linear.
         inside=inside + [as_good(plant, 1e-5) for plant in plants[:4]],
-        outside=[*outside, *barely, copied()],
+        outside=[*outside, *barely, copied()]
+        # Chosen to break it: all states have one angle, and a gain per step from one run.
+        + [with_offset(plant) for plant in plants]
+        + [gain_per_step(plant) for plant in plants],
     )
     mode = task.slow_mode()
     values = dict(zip((K1, K2, c, s), (*task.K, *mode), strict=True))

@@ -406,11 +406,19 @@ def semi_implicit_energy_swing(result):
     result.statement_holds(
         outside.all(),
         only_if="the run starts where x v = 0, at a turning point or in the middle, and omega h is "
-        "at most 1",
+        "below 1",
         # The nearest quarter turn, where x v = 0 and the energy equals the conserved form.
-        inside=np.concatenate((about(quarter, h), about(quarter[:20], resonant))),
-        # Chosen to break it: steps of more than 1, whose band lies mostly above the start.
-        outside=np.concatenate((outside, about(quarter, result.rng.uniform(1.05, 1.95, 40)))),
+        # The last ten: steps just below 1.
+        inside=np.concatenate(
+            (about(quarter, h), about(quarter[:20], resonant))
+            + (about(quarter[:10], np.linspace(0.9, 0.99, 10)),)
+        ),
+        # Chosen to break it: steps of more than 1, whose band lies mostly above the start, and the
+        # step of 1, which returns after six steps and never falls below the start.
+        outside=np.concatenate(
+            (outside, about(quarter, result.rng.uniform(1.05, 1.95, 40)))
+            + (about(np.arange(4) * np.pi / 2, 1.0),)
+        ),
     )
     result.correction_holds(
         abs(swing[1] / (u / 2) - 0.5) < 1e-3,

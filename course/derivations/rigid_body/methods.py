@@ -177,6 +177,20 @@ def semi_implicit_stability_per_cost(result):
         """Return the growth per step of the method that uses the exact turn of the spring."""
         return np.abs(np.linalg.eigvals(expm(np.array([[0.0, x], [-x, 0.0]])))).max()
 
+    def coriolis(rate, x=0.05):
+        """Return whether RK4 grows, or semi-implicit Euler does not, at x per evaluation.
+
+        The oscillator is a Foucault pendulum on a table that turns at rate, with omega = 1.
+        """
+        still, one = np.zeros((2, 2)), np.eye(2)
+        turn = 2 * rate * np.array([[0.0, 1.0], [-1.0, 0.0]])
+        kick = np.block([[one, still], [-x * one, one + x * turn]])
+        euler = np.block([[one, x * one], [still, one]]) @ kick
+        A = 4 * x * np.block([[still, one], [-one, turn]])
+        rk4 = np.eye(4) + A @ (np.eye(4) + A / 2 @ (np.eye(4) + A / 3 @ (np.eye(4) + A / 4)))
+        radii = [np.abs(np.linalg.eigvals(step)).max() for step in (euler, rk4)]
+        return radii[0] <= 1 + 1e-10 or radii[1] > 1 + 1e-10
+
     best = max(limits.values())
     result.statement = (
         "omega h at the limit over evaluations per step (Verlet keeps its last evaluation); "
@@ -185,13 +199,15 @@ def semi_implicit_stability_per_cost(result):
     result.statement_holds(
         implicit > 1 + 1e-6,
         only_if="explicit methods that use nothing but the forces are compared, on undamped "
-        "oscillations",
+        "oscillations, and the forces depend on positions alone",
         inside=[not beaten(n) for n in (2, 3) * 6]
         # Chosen to break it: weights so nearly equal that the splitting almost ties.
         + [not beaten(n, 1e4) for n in (2, 3, 4) * 2],
         outside=[damped_best(z) for z in result.rng.uniform(0.3, 0.9, 12)]
         # Chosen to break it: the exponential of the linear part is explicit, too.
-        + [exponential(x) > 1 + 1e-9 for x in (3.0, 30.0, 300.0)],
+        + [exponential(x) > 1 + 1e-9 for x in (3.0, 30.0, 300.0)]
+        # Chosen to break it: Coriolis and gyroscopic forces do not damp, but need the velocity.
+        + [coriolis(rate) for rate in result.rng.uniform(0.05, 0.5, 8)],
     )
     result.correction_holds(
         abs(limits["semi_implicit_euler"] - best) < 1e-6,
@@ -209,6 +225,8 @@ def semi_implicit_stability_per_cost(result):
     source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), sec. I.3",
 )
 def semi_implicit_is_verlet(result):
+    from scipy.linalg import expm
+
     from course.rigid_body import problems
     from course.rigid_body.integrators import simulate
 
@@ -244,16 +262,34 @@ def semi_implicit_is_verlet(result):
 
     # Chosen to break it: velocity and position start together, and half a kick is nothing.
     unforced = [from_the_bottom(speed) for speed in result.rng.uniform(0.5, 6, 8)]
+
+    def order_with_damper(damping):
+        """Return the order of Verlet with the damper's force from the velocity at half a step."""
+        exact = (expm(2 * np.array([[0.0, 1.0], [-1.0, -damping]])) @ [1.0, 0.0])[0]
+        errors = []
+        for n in (200, 400):
+            x, v, dt = 1.0, 0.0, 2 / n
+            force = -x - damping * v
+            for _ in range(n):
+                half = v + dt / 2 * force
+                x = x + dt * half
+                force = -x - damping * half
+                v = half + dt / 2 * force
+            errors.append(abs(x - exact))
+        return np.log2(errors[0] / errors[1])
+
+    # Chosen to break it: with a damper Verlet, as most programs have it, is of first order, too.
     result.statement = (
         f"On a pendulum with ten random swings the staggered start follows Verlet's positions to "
         f"{max(gaps):.0e} rad."
     )
     result.statement_holds(
         min(gaps) > 1e-9,
-        only_if="it is started with the velocity at the same time as the position, and a force "
-        "acts at the start",
+        only_if="forces depend on positions alone, it is started with the velocity at the same "
+        "time as the position, and a force acts at the start",
         inside=[run(a, 1000, False)[1] > 1e-4 for a in amplitudes],
-        outside=[gap > 1e-9 for gap in gaps + unforced],
+        outside=[gap > 1e-9 for gap in gaps + unforced]
+        + [order_with_damper(x) > 1.5 for x in result.rng.uniform(0.2, 1, 4)],
     )
     result.correction_holds(
         max(gaps) < 1e-11,

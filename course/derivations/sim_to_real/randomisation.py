@@ -745,6 +745,14 @@ def queue_of_k(result):
             received.append(float((oldest if read_first else queue[0])[0]))
         return late(received)
 
+    def from_empty(k):
+        """Return whether each action is used k steps later if the queue starts empty."""
+        queue, received = deque(maxlen=k), []
+        for action in sent:
+            received.append(queue[0] if queue else 0.0)
+            queue.append(action)
+        return np.array_equal(received, np.concatenate((np.zeros(k), sent[:-k])))
+
     def ours(k):
         import mujoco
 
@@ -762,13 +770,16 @@ def queue_of_k(result):
     slots = range(1, 12)
     result.statement_holds(
         lag(4) == 4,
-        only_if="the oldest action is read before the new one is appended, and the queue holds "
-        "copies if the caller uses one array again for each action",
+        only_if="each reset fills the queue with k actions, the oldest action is read before the "
+        "new one is appended, and the queue holds copies if the caller uses one array again for "
+        "each action",
         inside=[lag(k, read_first=True) == k for k in slots]
         # Chosen to break it: a caller that writes every action into the same array.
         + [lag(k, read_first=True, reused=True, copied=True) == k for k in slots],
         outside=[lag(k) == k for k in slots]
-        + [lag(k, read_first=True, reused=True) == k for k in slots],
+        + [lag(k, read_first=True, reused=True) == k for k in slots]
+        # Chosen to break it: an empty queue grows to k actions, and until then the first is used.
+        + [from_empty(k) for k in slots],
     )
     result.correction_holds(
         all(lag(k) == k - 1 for k in range(1, 12)),

@@ -156,10 +156,13 @@ def estimates(loop, samples, runs, rng):
     "On the same logs output error is biased by less than {output:.3%}, and an instrument, the "
     "planned torque, by less than {instrument:.2%}. With a perfect sensor and a white torque "
     "disturbance of {push:.0f} N m, in logs {longer:.0f} times as long, least squares is biased by "
-    "less than {pushed:.1%}, and output error by {swapped:.0%}.",
+    "less than {pushed:.1%}, and output error by {swapped:.0%}. A disturbance that lasts, such as "
+    "the pull of a cable, biases least squares with a perfect sensor, too.",
     source="T. Soderstrom, P. Stoica, System Identification, 1989, chapter 10",
 )
 def feedback_and_regression(result):
+    from scipy.signal import lfilter
+
     from course.sim_to_real import Log, fit
     from course.sim_to_real.signals import SpeedLoop, regression, speed_output_error, spin
 
@@ -208,18 +211,24 @@ def feedback_and_regression(result):
         errors = estimates(some, samples, runs, result.rng)["least squares"]
         return abs(errors.mean()) > limit(errors)
 
-    def older(late):
+    def older(late, noise=loop.noise, push=0.0):
         """Return whether logs are biased if the controller uses a speed that is samples old."""
         planned = loop.plan(n)
         desired = loop.dt / loop.inertia * (np.cumsum(planned) - planned)
-        error, v = loop.noise * result.rng.standard_normal((n + 1, runs)), np.zeros((n + 1, runs))
-        sent = np.zeros((n, runs))
+        error, v = noise * result.rng.standard_normal((n + 1, runs)), np.zeros((n + 1, runs))
+        sent, push = np.zeros((n, runs)), np.zeros((n, runs)) + push
         for k in range(n):
             j = max(0, k - late)
             sent[k] = planned[k] + loop.gain * (desired[j] - v[j] - error[j])
-            v[k + 1] = v[k] + loop.dt / loop.inertia * sent[k]
+            v[k + 1] = v[k] + loop.dt / loop.inertia * (sent[k] + push[k])
         errors = regression((v + error).T, sent.T, loop.dt) * loop.inertia - 1.0
         return bool(abs(errors.mean()) > limit(errors))
+
+    def lasting(memory):
+        """Return whether logs are biased by a torque that lasts, with a perfect sensor."""
+        sent = result.rng.standard_normal((n, runs))
+        push = lfilter([math.sqrt(1.0 - memory**2)], [1.0, -memory], sent, axis=0)
+        return older(0, 0.0, push)
 
     def drawn(**changed):
         gain, inertia = result.rng.uniform(0.5, 8.0), result.rng.uniform(0.05, 0.3)
@@ -228,14 +237,16 @@ def feedback_and_regression(result):
     result.statement = "200 logs of each kind."
     result.statement_holds(
         all([biased(loop, n), biased(shaken, n)]),
-        only_if="the controller feeds back a measurement whose noise is also in the acceleration "
-        "of the same sample",
+        only_if="the controller feeds back what is correlated with the error of the acceleration "
+        "in the same sample: noise of the measurement, or a disturbance that lasts longer than a "
+        "sample",
         inside=[biased(drawn(noise=x), n) for x in result.rng.uniform(0.01, 0.1, 8)] + [older(0)],
         # The loop is closed in these logs too, but its measurements have no noise.
         outside=[biased(drawn(noise=0.0, disturbance=x), n) for x in result.rng.uniform(0.1, 2, 8)]
         # Chosen to break it: feedback that comes samples late, whose noise is in earlier rows.
         + [older(late) for late in (1, 2)],
     )
+    lasts = [lasting(memory) for memory in (0.8, 0.9, 0.99)]
     gains = (0.5, 1.0, 4.0, 16.0, 32.0)
     laws = [replace(loop, gain=g) for g in gains]
     result.correction_holds(
@@ -245,6 +256,7 @@ def feedback_and_regression(result):
         3.0 < long / short < 5.3,
         1.7 < double / short_mean < 2.1,
         all(abs(errors.mean()) < limit(errors) for errors in unbiased.values()),
+        all(lasts),
         swapped > 0.2,
         swapped > limit(other["output error"]),
         same,
