@@ -636,7 +636,9 @@ print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio
 #
 # The limit: suppose the sensor is perfect, and the joint is shaken by a torque that is independent in each sample. The
 # controller then reacts to earlier disturbances only, and least squares is right on average, under feedback too. Now
-# output error is biased. Its residual contains all earlier disturbances, and the controller has reacted to them.
+# output error is biased. Its residual contains all earlier disturbances, and the controller has reacted to them. A
+# disturbance that lasts, such as the pull of a cable, biases least squares, too: what the controller has
+# reacted to is still there.
 #
 # </details>
 
