@@ -184,11 +184,15 @@ def policies(qos: QoS, kept_for_late: int | None = None, strength: int = 0) -> A
 class Topic:
     """A topic of numbers, with a name of its own, for writers and readers of this process."""
 
-    def __init__(self, member: Any) -> None:
+    def __init__(self, member: Any, keyed: bool = False) -> None:
+        """Create the topic; where it is keyed, each number is an instance with its own history."""
         from cyclonedds import idl, topic
         from cyclonedds.idl.types import int32
 
-        self.kind: Any = idl.make_idl_struct("Number", "course.Number", {"number": int32})
+        key = {"number": {"key": True}} if keyed else None
+        self.kind: Any = idl.make_idl_struct(
+            "Number", "course.Number", {"number": int32}, field_annotations=key
+        )
         self.topic = topic.Topic(member, f"numbers_{os.getpid()}_{next(_topics)}", self.kind)
         self.member = member
 

@@ -121,6 +121,7 @@ def history(
     *,
     late: bool = False,
     kept_for_late: int | None = None,
+    keyed: bool = False,
 ) -> list[int]:
     """Return the numbers of the samples that a reader takes at its first call.
 
@@ -130,9 +131,10 @@ def history(
         samples: written at once, numbered from 0.
         late: whether the reader comes after them.
         kept_for_late: depth of the durability service, see `cyclonedds.policies`.
+        keyed: whether the number is the topic's key.
     """
     with participant() as member:
-        topic = Topic(member)
+        topic = Topic(member, keyed)
         writer = topic.writer(offered, kept_for_late)
         reader = None if late else topic.reader(requested)
         topic.write(writer, *range(count("samples", samples, 1)))

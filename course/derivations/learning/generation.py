@@ -2,6 +2,7 @@
 
 import functools
 from dataclasses import replace
+from itertools import pairwise
 from statistics import NormalDist
 
 import numpy as np
@@ -203,8 +204,8 @@ def diffusion_between(result):
 @claim(
     "With one Euler step, a flow policy returns the mean of the demonstrations.",
     "If noise and data are paired at random, the sample at time 0 tells nothing about the data, so "
-    "the exact velocity points to their mean. A step of size h ends at {formula}, a full step at "
-    "m. A trained network smooths "
+    "the exact velocity points to their mean. If each path is straight and run at constant speed, "
+    "a step of size h ends at {formula}, a full step at m. A trained network smooths "
     "the field near time 0: with one step {net:.0%} of its first chunks lead into the obstacle, "
     "of the mean's {mean:.0%}. Two steps are too few: even with the exact field {between:.0%} of "
     "the samples of two narrow modes end between them. A few more separate the modes but get "
@@ -270,16 +271,22 @@ def one_euler_step(result):
     many = max(deviation(8, 20) for _ in range(4))
     t = sympy.Symbol("t")
     curved = z + sympy.diff(m * sympy.sin(sympy.pi * t / 2) + z * sympy.cos(sympy.pi * t / 2), t)
+    # Chosen to break it: straight paths at a speed that changes, and one that ends beside the data.
+    straight = [
+        z + part * (m - z) for part in (t**2, 3 * t**2 - 2 * t**3, sympy.sin(sympy.pi * t / 2))
+    ]
+    straight.append((1 - 0.9 * t) * z + t * m)
     result.statement_holds(
         net > 0.9,
-        only_if="the velocity field is exact, noise and data were paired at random, and the paths "
-        "between them are straight",
+        only_if="the velocity field is exact, noise and data were paired at random, and each path "
+        "runs straight and at constant speed from the noise to the data",
         cases=True,
         inside=[worst < 1e-9, many < 1e-9],
         outside=[
             net > 0.9,
             bool(np.abs(paired - data.mean()).max() < 1e-9),
             bool(sympy.simplify(curved.subs(t, 0) - m) == 0),
+            *(bool(sympy.simplify(z + x.diff(t).subs(t, 0) - m) == 0) for x in straight),
         ],
     )
     result.correction_holds(
@@ -357,9 +364,12 @@ def sampler_orders(result):
 
 @claim(
     "A diffusion policy needs at least ten denoising steps.",
-    "That depends on how many samples may fall between the modes. For two narrow modes and the "
-    "exact denoiser, DDIM leaves {five:.1%} of the samples there with five steps, {nine:.1%} "
-    "with nine and {ten:.1%} with ten.",
+    "That depends on the sampler and on how many samples may fall between the modes. For two "
+    "narrow modes and the exact denoiser, DDIM with steps of equal time leaves {five:.1%} of the "
+    "samples there with five steps, {nine:.1%} with nine and {ten:.1%} with ten. A solver of "
+    "second order, DPM-Solver++, with nine steps of equal ratio of the noise levels leaves "
+    "{second:.2%}.",
+    source="C. Lu et al., DPM-Solver++, 2022",
 )
 def ten_denoising_steps(result):
     from course.learning import Mixture, denoise
@@ -395,16 +405,38 @@ def ten_denoising_steps(result):
         )
         for made, y in zip(other, (1.0, 2.0), strict=True)
     ]
+
+    def second_order(steps):
+        """Return what DPM-Solver++(2M) leaves (algorithm 2), on ratios s / a of equal ratio."""
+        levels = np.append(np.geomspace(20.0, 0.02, steps), 0.0)
+        x, old, before = levels[0] * noise, 0.0, np.inf
+        for level, after in pairwise(levels):
+            # The course's time and scale of a sample with this ratio of noise and signal.
+            time = 2.0 / np.pi * np.arctan(1.0 / level)
+            clean = two_modes().clean(x / np.hypot(1.0, level), time)
+            # Extrapolated from the last two predictions; the first and the last step are DDIM's.
+            ahead = 0.0
+            if after > 0.0 and np.isfinite(before):
+                ahead = 0.5 * np.log(level / after) / np.log(before / level)
+            best = (1.0 + ahead) * clean - ahead * old
+            x, old, before = best + after / level * (x - best), clean, level
+        return np.mean(np.abs(x) < 0.5)
+
+    # Chosen to break it: a sampler of second order.
+    second = result.measure("second", second_order(9), 0.2)
     result.statement_holds(
         nine > five,
-        only_if="less than {nine:.1%} of the samples may fall between two modes that are equally "
-        "frequent, as far apart and as narrow as these",
+        only_if="the sampler is DDIM with steps of equal time on a cosine schedule, and less than "
+        "{nine:.1%} of the samples may fall between two modes that are equally frequent, as far "
+        "apart and as narrow as these",
         inside=inside,
-        outside=[*outside, *(bool(x > 0.99 * nine) for x in least)],
+        outside=[*outside, *(bool(x > 0.99 * nine) for x in least), bool(second > ten)],
     )
     one_mode = Mixture(np.array([1.0]), np.array([[1.0]]), np.array([0.1]))
     single = denoise(one_mode.clean, noise, 1, result.rng)
-    result.correction_holds(five > 5.0 * ten, ten < 0.005, np.abs(single - 1.0).max() < 0.5)
+    result.correction_holds(
+        five > 5.0 * ten, ten < 0.005, np.abs(single - 1.0).max() < 0.5, second < 0.8 * ten
+    )
 
 
 @claim(
@@ -455,12 +487,14 @@ def ensembling_averages(result):
     # Chosen to break it: few chunks in a mean, and a coin that nearly always falls on one side.
     short = [passed(Ensemble(functools.partial(coin, length=n), 0.0)) for n in (1, 2, 4)]
     biased = passed(Ensemble(functools.partial(coin, odds=[0.1, 0.9]), 0.0))
+    # Chosen to break it: chunks that take no notice of the state, but share one toss of a run.
+    shared = passed(Ensemble(lambda states, rng: coin(states, np.random.default_rng(0)), 0.0))
     result.statement_holds(
         mixture < 0.2,
-        only_if="new chunks ignore which side was begun and take both sides about equally often, "
-        "and all have similar weights",
+        only_if="each new chunk chooses its side independently of the others and of the side that "
+        "was begun, both about equally often, and all have similar weights",
         inside=[tossed < 0.2, passed(Ensemble(coin)) < 0.2, *(bool(x < 0.2) for x in short)],
-        outside=[*(not x for x in selected), oldest < 0.2, bool(biased < 0.2)],
+        outside=[*(not x for x in selected), oldest < 0.2, bool(biased < 0.2), bool(shared < 0.2)],
         cases=True,
     )
     # The formula by sampling: means of eight coin tosses.

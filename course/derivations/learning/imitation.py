@@ -405,15 +405,52 @@ def dagger_needs_room(result):
     # Chosen to break it: a linear learner can fit what it meets, but the labels are not exact.
     line = Regulator()
     noisy = [[law_of(k, line, rounds=r, label_noise=1e-6) for r in (0, 1)] for k in range(30)]
+
+    class Ledge:
+        """From 1 the expert goes over the ledge 2 to 0. Who stops on the ledge falls, to 10."""
+
+        def step(self, states, actions, rng):
+            return np.where((states == 2) & (actions == 0), 10.0, states + actions)
+
+        def expert(self, states, rng):
+            return np.select([states == 1, states == 2], [1.0, -2.0], 0.0)
+
+    def table(states, labels):
+        """Return a policy that knows the label of each state that has one; elsewhere it stops."""
+        known = dict(zip(states[:, 0], labels[:, 0], strict=True))
+        return lambda some, rng: np.array([[known.get(x, 0.0)] for x in some[:, 0]])
+
+    # Chosen to break it: the first label is exact and leads to another state without a label.
+    ledge, begun = Ledge(), iter([0.0])
+    rounds = dagger(
+        ledge,
+        ledge.expert,
+        table,
+        # The demonstration begins at the goal, the clone beside it.
+        lambda number, rng: np.full((number, 1), next(begun, 1.0)),
+        20,
+        result.rng,
+        number=1,
+        rounds=2,
+    )
+    still, fallen, home = (
+        roll(ledge, r.policy, np.ones((1, 1)), 20, result.rng).states.sum() for r in rounds
+    )
     result.statement = (
         "20 runs of 40 steps in each round, 32 units per layer, medians over the seeds."
     )
     result.statement_holds(
         all(lower),
-        only_if="it visits states that were missing, their labels are exact, and the network can "
-        "fit them and is trained for it",
-        inside=lower[:2],
-        outside=[*lower[2:], bool(after < narrow), all(b < a for a, b in noisy)],
+        only_if="it visits states that were missing, their labels are exact, the network can fit "
+        "them and is trained for it, and what they correct does not lead to other states that are "
+        "still missing",
+        inside=[*lower[:2], bool(home < fallen)],
+        outside=[
+            *lower[2:],
+            bool(after < narrow),
+            all(b < a for a, b in noisy),
+            bool(fallen < still),
+        ],
         cases=True,
     )
     result.correction_holds(max(grown) < 1.35, min(grown) > 0.7, worse > 0.5 * n)

@@ -155,12 +155,12 @@ def lambda_mixes(result):
 @claim(
     "In a batch of steps, GAE may take the value of the next row as the value of the state that "
     "the step led to.",
-    "If the environment resets within the step that reaches the time limit, the next row "
-    "already belongs to the next episode. Using its value made an advantage wrong by "
-    "{worst:.1f}, where values have a standard deviation of 1. If the reset takes a step of its "
-    "own, the next row is right. The step that only resets has to be left out of the batch, but "
-    "only after GAE has used its value. The last row of a batch has no next row, so its value has "
-    "to be computed separately. "
+    "If the environment resets within the step that cuts an episode off, by a time limit or "
+    "otherwise, the next row already belongs to the next episode. Using its value made an "
+    "advantage wrong by {worst:.1f}, where values have a standard deviation of 1. If the reset "
+    "takes a step of its own, the next row is right. The step that only resets has to be left out "
+    "of the batch, but only after GAE has used its value. The last row of a batch has no next row, "
+    "so its value has to be computed separately. "
     "Where an episode terminates, the next row does no harm: GAE counts this value as 0.",
 )
 def next_row(result):
@@ -200,6 +200,16 @@ def next_row(result):
         right = gae(rewards, values, after, ended, late)
         return np.abs(gae(rewards, values, np.append(row[:-1], 0.0), ended, late) - right).max()
 
+    def with_gap():
+        """Return the error where the step that only resets is dropped before GAE."""
+        rewards, values, after, ended, late, row = drawn(result.rng)
+        k = len(rewards) // 2
+        late[k - 1], ended[k - 1] = True, False
+        runs = [np.delete(x, k) for x in (rewards, values, after, ended, late)]
+        right = gae(*runs)
+        runs[2] = np.append(runs[1][1:], row[-1])
+        return np.abs(gae(*runs) - right).max()
+
     result.statement = (
         "Random runs of 40 steps in which a tenth of the steps end an episode, with and without "
         "time limits."
@@ -208,14 +218,16 @@ def next_row(result):
     result.statement_holds(
         all(outside),
         inside=inside,
-        # Chosen to break it: rows of two environments in turn, and the last row of a batch.
+        # Chosen to break it: rows of two environments in turn, the last row of a batch, and a row
+        # that was dropped too early.
         outside=[
             *outside,
             *(mixed() < 1e-12 for _ in range(4)),
             *(bool(without_last() < 1e-12) for _ in range(4)),
+            *(bool(with_gap() < 1e-12) for _ in range(4)),
         ],
-        only_if="the rows are one environment's, in order, each has a next row, and no episode is "
-        "cut off by a time limit and reset within the same step",
+        only_if="the rows are one environment's, in order and without gaps, each has a next row, "
+        "and no episode is cut off, by a time limit or otherwise, and reset within the same step",
     )
     result.correction_holds(
         min(cut) > 1e-3, max(ended) < 1e-12, follows("NextStep"), not follows("SameStep")

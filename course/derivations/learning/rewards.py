@@ -318,6 +318,30 @@ def hovering(result):
             value_iteration(Process(moves, pays, discount, np.array([False, True]))).policy[0] == 0
         )
 
+    def goes_on(what, discount, prize, n=6):
+        """Return whether it never finishes, with a bonus 5 % above the threshold.
+
+        Here the "bonus" is paid for ever after the prize, or a new "goal" follows n steps later, or
+        the "limit" of n steps is known.
+        """
+        bonus = 1.05 * float(result.formula.subs({gamma: discount, P: prize}))
+        # State 0 is near the goal; action 0 waits, action 1 goes.
+        if what == "limit":
+            moves = np.repeat(np.eye(n + 1, k=1)[:, None], 2, axis=1)
+            moves[:n, 1], moves[n] = np.eye(n + 1)[n], np.eye(n + 1)[n]
+            pays = np.zeros((n + 1, 2, n + 1))
+            pays[:n, 0], pays[:n, 1] = bonus, bonus + prize
+            made = Process(moves, pays, discount, np.arange(n + 1) == n)
+            return not np.any(value_iteration(made).policy[:n])
+        moves = np.repeat(np.roll(np.eye(n), 1, axis=1)[:, None], 2, axis=1)
+        pays = np.zeros((n, 2, n))
+        moves[0, 0], pays[0, 0], pays[0, 1] = np.eye(n)[0], bonus, bonus + prize
+        if what == "bonus":
+            moves[1], pays[1] = np.eye(n)[1], bonus
+        return bool(
+            value_iteration(Process(moves, pays, discount, np.zeros(n, bool))).policy[0] == 0
+        )
+
     steps = int(result.input("steps", 30))
     envs = PointReachVector(1, "hover", bonus=1.0)
     envs.reset(seed=0)
@@ -334,11 +358,14 @@ def hovering(result):
     inside, outside = ([hovers(x, *task) for task in tasks] for x in (1.05, 0.95))
     result.statement_holds(
         all(outside),
-        only_if="the bonus per step is above (1 - gamma) / gamma times the prize, if the step that "
-        "wins the prize is paid the bonus as well, steps cost nothing, and waiting is safe",
+        only_if="the prize ends the episode, steps cost nothing, waiting is safe, the robot knows "
+        "of no time limit, and the bonus per step is above (1 - gamma) / gamma times the prize, "
+        "where the step that wins the prize is paid the bonus as well",
         inside=inside,
-        # Chosen to break it: an accident may happen while waiting, or each step has a cost.
+        # Chosen to break it: an accident may happen while waiting, each step has a cost, the bonus
+        # or the task goes on after the prize, or the robot can wait until its last step.
         outside=[
+            *(goes_on(what, *task) for what in ("bonus", "goal", "limit") for task in tasks),
             *outside,
             *(hovers(1.05, *task, risk=0.2) for task in tasks),
             *(hovers(1.05, *task, cost=0.2) for task in tasks),
@@ -346,6 +373,7 @@ def hovering(result):
     )
     result.correction_holds(
         not any(outside),
+        not any(goes_on(what, *task) for what in ("bonus", "limit") for task in tasks),
         result.figures["paid"] == steps,
         # The last step pays the prize only: 5 % above (1 - gamma) times the prize is enough.
         all(hovers(1.05 * x, x, prize, 0.0) for x, prize in tasks),

@@ -487,7 +487,7 @@ def late_joiner_gets_the_last(result):
 def late_joiner_depth(result):
     from course.oracles.qos_matrix import history
 
-    def handed(depth, service, reader=20, **requested):
+    def handed(depth, service, reader=20, keyed=False, **requested):
         return len(
             history(
                 late(depth=int(depth)),
@@ -495,17 +495,19 @@ def late_joiner_depth(result):
                 12,
                 late=True,
                 kept_for_late=int(service),
+                keyed=keyed,
             )
         )
 
     depth = int(result.input("depth", 3))
     plain = result.measure("plain", handed(depth, 0))
     depths = result.rng.integers(2, 10, 8)
-    result.statement = "Late readers on Cyclone DDS, after 12 samples."
+    result.statement = "Late readers on Cyclone DDS, after 12 samples; lifespan on the bus."
     result.statement_holds(
         plain == depth,
-        only_if="its durability service has depth d as well, the reader at least depth d, and both "
-        "ends are reliable and transient-local",
+        only_if="its durability service has depth d as well, the reader at least depth d, both "
+        "ends are reliable and transient-local, no message's lifespan has run out, and the topic "
+        "has no key (with a key, each of its values has a depth of its own)",
         inside=[handed(k, k) == k for k in depths],
         # One less in the durability service, or one less at the reader.
         outside=[handed(k, k - 1) == k for k in depths]
@@ -514,7 +516,9 @@ def late_joiner_depth(result):
         + [
             handed(3, 3, **one) == 3
             for one in ({"durability": "volatile"}, {"reliability": "best_effort"})
-        ],
+        ]
+        # Chosen to break it: a topic with a key, and a message that has outlived its lifespan.
+        + [handed(3, 3, keyed=True) == 3, still_there(lifespan=0.5)],
     )
     result.correction_holds(plain == 1, handed(5, 5, reader=2) == 2)
 

@@ -224,7 +224,7 @@ def high_waits(protocol, section, middle, between):
     return float(observed.longest[0]) - 0.01
 
 
-def urgent_wait(work, sleep=0, waiting=0, first_come=False, peers=0):
+def urgent_wait(work, sleep=0, waiting=0, first_come=False, peers=0, lent=0):
     """Run an inheriting lock in whole units of time, and return how long the high task waits.
 
     A low task has the lock at 0, when the high one asks for it. Nobody else needs the core.
@@ -235,11 +235,16 @@ def urgent_wait(work, sleep=0, waiting=0, first_come=False, peers=0):
         waiting: tasks of middle priority that have waited for the lock since before 0.
         first_come: the lock goes to the one that has waited longest, not to the most urgent one.
         peers: tasks of the same priority that have waited since before 0, and therefore go first.
+        lent: work of a middle task that wakes up at 1 with another lock, whose ceiling is above the
+            high task; or of an interrupt.
     """
     queue = [*["middle"] * waiting, "high", *["peer"] * peers]
     holder, done, now = "low", 0, 0
     while holder != "high":
         now += 1
+        if lent and now > 1:
+            lent -= 1
+            continue
         if holder == "low" and done == work // 2 and sleep:
             sleep -= 1
             continue
@@ -297,8 +302,9 @@ def inversion_is_bounded(result):
     result.statement_holds(
         one < section + 1e-6,
         only_if="the lock uses priority inheritance or a ceiling and goes to the most urgent "
-        "waiter first, its holder waits for nothing, and no other task of the same or a higher "
-        "priority runs or waits for a lock",
+        "waiter first, its holder waits for nothing, no other task of the same or a higher "
+        "priority, its own or lent to it by a lock, runs or waits for a lock, and no interrupt "
+        "stops the holder",
         inside=[
             *(bounded(kind, *x) for x in drawn for kind in kinds),
             *(urgent_wait(n, waiting=n) <= n for n in work),
@@ -308,8 +314,10 @@ def inversion_is_bounded(result):
             *(bool(x < section + 1e-6) for x in top),
             *(urgent_wait(n, sleep=n) <= n for n in work),
             *(urgent_wait(n, waiting=1, first_come=True) <= n for n in work),
-            # Chosen to break it: a task of the same priority waits already.
+            # Chosen to break it: a task of the same priority waits already, and a middle task has
+            # borrowed a higher priority from another lock.
             *(urgent_wait(n, peers=1) <= n for n in work),
+            *(urgent_wait(n, lent=n) <= n for n in work),
         ],
     )
     result.correction_holds(

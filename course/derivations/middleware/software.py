@@ -261,7 +261,8 @@ def launch_comments(result):
     "never declared was rejected, which is the default, and so was a value of another type. A "
     "read-only parameter is rejected as well, "
     "such as ros2_control's update_rate (by its documentation), and so is a value outside of a "
-    "declared range or one that a callback of the node rejects.",
+    "declared range or one that a callback of the node rejects. Nobody answers a request from "
+    "outside if the node never spins: its parameter services are callbacks, too.",
     source="ROS 2 documentation, Parameters, and ros2_control, Controller Manager, Jazzy 2024",
 )
 def parameters_are_tunable(result):
@@ -311,7 +312,8 @@ def parameters_are_tunable(result):
     result.statement_holds(
         all(works["copied"]),
         only_if="it is declared, not read-only, and read again or watched by a callback, the new "
-        "value has its type, and no range or callback rejects it",
+        "value has its type, no range or callback rejects it, and the node spins and offers "
+        "parameter services, which it does by default",
         inside=works["read"] + works["told"],
         # Chosen to break it: a value that the node's own callback rejects.
         outside=[*works["copied"], *works["undeclared"], *whole, limited() == 1.0],

@@ -224,9 +224,9 @@ def linear_beats_hold(result):
     "Inside the buffer nothing fails. The lookup returns the pose of another moment, and the error "
     "is up to the speed times the offset: at {speed:.2f} m/s and {offset_ms:.0f} ms up to "
     "{error_mm:.0f} mm, without an exception. A lookup of a certain time, not of the newest "
-    "transform, fails if the clock is further behind than this time is old, or ahead by nearly the "
-    "length of the buffer. Mixed use_sim_time does this: one node uses simulated time and another "
-    "wall time, which differ by decades.",
+    "transform, fails if the clock is further behind than this time is old plus the lookup's "
+    "timeout, or ahead by nearly the length of the buffer. Mixed use_sim_time does this: one node "
+    "uses simulated time and another wall time, which differ by decades.",
     source="geometry2, tf2/src/cache.cpp, Jazzy 2024; ROS 2 design, Clock and Time, 2015",
 )
 def wrong_clock_fails(result):
@@ -255,6 +255,15 @@ def wrong_clock_fails(result):
             return True
         return False
 
+    def waits(offset, timeout=1.0):
+        """Return whether a lookup still fails after it has waited for its timeout [s]."""
+        buffer = sample(motion, 1.0 / hz, now + timeout, offset=offset)
+        try:
+            buffer.lookup(now - late)
+        except ExtrapolationError:
+            return True
+        return False
+
     def newest(offset):
         """Return whether a lookup of the newest transform fails."""
         buffer = sample(motion, 1.0 / hz, now, offset=offset)
@@ -273,9 +282,9 @@ def wrong_clock_fails(result):
     result.statement = "A sender with its clock at random offsets; lookups 0.2 s in the past."
     result.statement_holds(
         looked_up(offset) is None,
-        only_if="a time is requested and not the newest transform, and since before that time the "
-        "clock is behind by more than its age, or ahead by more than the buffer is long, less that "
-        "age",
+        only_if="the transform is not static, a time is requested and not the newest transform, "
+        "and since before that time the clock is behind by more than its age plus the lookup's "
+        "timeout, or ahead by more than the buffer is long, less that age",
         inside=[
             looked_up(float(x)) is None
             for x in (
@@ -286,7 +295,8 @@ def wrong_clock_fails(result):
                 *-(late + result.rng.uniform(1e-3, 5.0, 4)),
                 *(dropped_after + result.rng.uniform(1e-2, 5.0, 4)),
             )
-        ],
+        ]
+        + [waits(-late - 1.0 - 1e-6)],
         outside=[
             looked_up(float(x)) is None
             for x in (
@@ -296,9 +306,11 @@ def wrong_clock_fails(result):
                 *result.rng.uniform(0.0, 0.95 * dropped_after, 4),
             )
         ]
-        # Chosen to break it: a clock that went wrong a moment ago, and lookups of the newest.
+        # Chosen to break it: a clock that went wrong a moment ago, lookups of the newest, and
+        # lookups with a timeout.
         + [jumped(x) for x in (0.5, 3.0, 9.0)]
-        + [newest(x) for x in (-1.7e9, -5.0, 5.0, 1.7e9)],
+        + [newest(x) for x in (-1.7e9, -5.0, 5.0, 1.7e9)]
+        + [waits(-late - x) for x in (0.2, 0.9)],
     )
     result.correction_holds(
         len(silent) == len(errors),

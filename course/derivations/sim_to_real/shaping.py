@@ -254,7 +254,8 @@ def q_of_shaped(result):
 @claim(
     "A constant penalty for each step is not potential-based shaping.",
     "Without an end it is: phi = {formula} everywhere pays -c each step. Nor does it matter if, "
-    "from each state, all paths to the end have the same length. Otherwise the potential, 0 at the "
+    "from each state, all paths to the end have the same length, or if only a time limit ends "
+    "episodes. Otherwise the potential, 0 at the "
     "end, would have to know how many steps are still to come, which the action decides: a penalty "
     "can change what is best.",
     ask=(
@@ -308,12 +309,26 @@ def step_penalty(result):
     graphs = [branching(int(n)) for n in result.rng.integers(3, 10, 60)]
     several = [x for x, lengths in graphs if max(map(len, lengths)) > 1]
     single = [x for x, lengths in graphs if max(map(len, lengths)) == 1]
+
+    def limited(steps, states=4):
+        """Return what remains where only a time limit ends episodes, which the state shows."""
+        N = states * steps + 1
+        P = np.zeros((N, 2, N))
+        for k in range(steps - 1):
+            here, then = (slice(states * j, states * (j + 1)) for j in (k, k + 1))
+            P[here, :, then] = result.rng.dirichlet(np.ones(states), (states, 2))
+        P[N - 1 - states :, :, -1] = 1.0
+        return remaining(Process(P, 0.0 * P, 0.95, np.arange(N) == N - 1))
+
+    # Chosen to break it: the time limit is the only end.
+    timed = [limited(int(n)) for n in result.rng.integers(2, 8, 8)]
     inside, outside = (
-        [x > 1e-9 for x in some] for some in (ended + several, endless + chains + single)
+        [x > 1e-9 for x in some] for some in (ended + several, endless + chains + single + timed)
     )
     result.statement_holds(
         all(outside),
-        only_if="episodes can end, and from some state paths of different length lead to the end",
+        only_if="episodes can end otherwise than by a time limit, and from some state paths of "
+        "different length lead to such an end",
         inside=inside,
         outside=outside,
     )
@@ -321,6 +336,7 @@ def step_penalty(result):
         max(endless) < 1e-9,
         max(chains) < 1e-9,
         max(single) < 1e-9,
+        max(timed) < 1e-9,
         float(result.formula.subs({gamma: 0.95, c: 1})) > 19.9,
     )
 

@@ -272,8 +272,9 @@ def vector_same_step_reset(result):
 @claim(
     "Resetting N environments with a fixed seed gives N different, repeatable episodes.",
     "With one seed for all they are copies: N times the work, one environment's experience. Seeds "
-    "s, s + 1, ... give different ones, and repeat as well, if each environment samples its start "
-    "from a generator that its seed starts. But the next run needs a seed that is "
+    "s, s + 1, ... give different ones if there are many possible starts, and repeat as well if "
+    "each environment samples from a generator that its seed starts and the actions repeat too. "
+    "But the next run needs a seed that is "
     "N "
     "or more away: runs with s and s + 1 share all episodes but one.",
 )
@@ -322,6 +323,20 @@ def vector_one_seed(result):
         def start(self):
             return result.rng.uniform(-1.0, 1.0, 2)
 
+    class Few(Start):
+        """Starts at one of twelve places."""
+
+        def start(self):
+            return np.array([self.np_random.integers(12), 0.0]) / 12.0
+
+    def again(rng, other):
+        """Return whether the second step repeats with actions from these generators."""
+        seen = []
+        for actions in (rng, other):
+            envs.reset(seed=5)
+            seen.append(envs.step(actions.uniform(-1.0, 1.0, envs.action_space.shape))[0])
+        return bool(np.array_equal(*seen))
+
     result.measure("different_of_8_with_one_seed", np.size(list(set(rows([5] * 8)))))
     result.measure("different_of_8_with_own", np.size(list(set(rows(5)))))
     result.statement = "Distinct first observations of the reaching task."
@@ -329,13 +344,17 @@ def vector_one_seed(result):
     first = [rows([seed] * 8) for seed in seeds]
     result.statement_holds(
         good([5] * 8),
-        only_if="each of them gets a seed of its own, its start is random, and it samples from a "
-        "generator that this seed starts",
+        only_if="each of them gets a seed of its own, starts at random in one of so many states "
+        "that two rarely coincide, and samples from a generator that this seed starts, and the "
+        "actions repeat, too",
         inside=[good(seed) for seed in seeds]
         # Chosen to break it: seeds in another order, far apart, and many.
-        + [good([2**31, 0, 7, 6, 5, 1, 2**40, 3]), repeats(Start, list(range(300)))],
+        + [good([2**31, 0, 7, 6, 5, 1, 2**40, 3]), repeats(Start, list(range(300)))]
+        + [again(*(np.random.default_rng(0) for _ in range(2)))],
         outside=[good([seed] * 8) for seed in seeds]
-        + [repeats(kind, list(range(8))) for kind in (Fixed, Global)],
+        # Chosen to break it: few possible starts, and actions that nobody has seeded.
+        + [repeats(kind, list(range(8))) for kind in (Fixed, Global, Few)]
+        + [again(*result.rng.spawn(2))],
     )
     result.correction_holds(
         all(len(set(rows([seed] * 8))) == 1 for seed in seeds),
