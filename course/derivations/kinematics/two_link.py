@@ -249,14 +249,25 @@ def singular_stretched_or_folded(result):
         for q in turns[:8]
         for end in ends
     ]
+    from scipy.optimize import brentq
+
+    def coupled(first: float, second: float) -> np.ndarray:
+        """Return the Jacobian of a finger of three equal links, the last joint coupled 2 to 1."""
+        return planar_jacobian(np.ones(3), [first, second, 2 * second]) @ [[1, 0], [0, 1], [0, 2]]
+
+    elbow = brentq(lambda x: np.linalg.det(coupled(0.0, x)), 1.2, 1.4, xtol=1e-14)
     result.statement_holds(
         all(rank(jacobian(arm, q)) == 6 for q in bent),
-        only_if="its joints turn about parallel axes and only the position of its tip in their "
-        "plane counts; stretched or folded then means that all links are in one line",
+        only_if="it is a chain of joints with parallel axes, each joint moves on its own, and only "
+        "the position of its tip in their plane counts; stretched or folded then means that all "
+        "links are in one line",
         inside=[rank(planar_jacobian(a, q)) == 2 for a, q in zip(arms, turns, strict=True)]
         + straight
         + longer,
-        outside=[rank(jacobian(arm, q)) == 6 for q in bent] + with_direction,
+        outside=[rank(jacobian(arm, q)) == 6 for q in bent]
+        + with_direction
+        # Chosen to break it: the coupled finger, which is not in one line there.
+        + [rank(coupled(x, elbow)) == 2 for x in turns[:4, 0]],
     )
     result.correction_holds(
         all(rank(jacobian(arm, q)) == 5 for q in bent),

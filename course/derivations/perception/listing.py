@@ -343,18 +343,31 @@ def two_millimetres_will_do(result):
         used = law(some, finger, abs(shift), abs(angle))
         return gap(finger, shift, angle, some, share * used) > 0
 
+    def above_table(planned, down, wider):
+        """Return the least distance of a finger from part and table, planned above the table [m].
+
+        Seen from the side: a finger beside a flat part that lies on the table.
+        """
+        finger, part, table = box((0.005, 0.01)), box((0.5 * width, 1e-3)), box((0.2, 0.05))
+        side = np.array([0.5 * width + wider * play + 0.005, planned - down + 0.01, 0.0])
+        others = ((part, np.array([0.0, 1e-3, 0.0])), (table, np.array([0.0, -0.05, 0.0])))
+        return min(float(np.min(distance(one, at, finger, side).distance)) for one, at in others)
+
     result.statement = "Chapter 2's distances between a turned part and two fingers."
     result.statement_holds(
         gap(wide / 1000) > 0,
-        only_if="the gap on each side is wider than the error and what the turn costs: more for "
-        "wide fingers, and in a large turn too much even for narrow ones",
+        only_if="the error lies along the fingers' motion and the gap on each side is wider than "
+        "the error and what the turn costs: more for wide fingers, and in a large turn too much "
+        "even for narrow ones",
         inside=[gap(0.98 * x * largest) > 0 for x in draws[0]]
         # Chosen to break it: turns and errors of both signs, other parts, gaps just wide enough.
         + [drawn(1.02) for _ in range(16)],
         outside=[gap((1.02 + x) * largest) > 0 for x in draws[1]]
         + [gap(0.1 * largest, (1.05 + x) * play) > 0 for x in draws[1][:4]]
         # Needles as fingers, and a part that is turned by 15 degrees.
-        + [drawn(0.98), gap(1e-4, error, 0.26) > 0],
+        + [drawn(0.98), gap(1e-4, error, 0.26) > 0]
+        # Chosen to break it: an error in height, with a wide gap and the table 1 mm below.
+        + [above_table(1e-3, error, 1.0 + x) > 0 for x in draws[1][:4]],
     )
     result.correction_holds(
         gap(narrow / 1000) > 0 > gap(wide / 1000),

@@ -81,6 +81,11 @@ def averaging_removes_all(result):
         depths = walls(z, result.rng, 6, noise=share * step, step=step)
         return abs(np.mean(30.0 / depths[depths > 0.0]) - 30.0 / z) / step
 
+    def rounded_first(share, between):
+        """Return the error of the mean where the noise comes after the rounding, over a step."""
+        observed = np.rint(40.0 + between) + share * result.rng.normal(size=100_000)
+        return abs(np.mean(observed) - 40.0 - between)
+
     place = result.input("between", 0.25)  # where noise leaves most; without it the middle is worst
     silent = result.measure("silent", remaining(0.0, place))
     third = result.measure("third", remaining(1 / 3, place), 0.15)
@@ -88,9 +93,9 @@ def averaging_removes_all(result):
     result.statement = "117,600 pixels of a wall between two steps, over noise and place."
     result.statement_holds(
         silent < 0.01,
-        only_if="the disparity is averaged, the only other error is Gaussian noise, new in each "
-        "image and above {least} of a step, and no pixel falls out of the sensor's range; less "
-        "than a hundredth of a step is left then",
+        only_if="the disparity is averaged, the only other error is Gaussian noise of zero mean, "
+        "new in each image, added before the rounding and above {least} of a step, and no pixel "
+        "falls out of the sensor's range; less than a hundredth of a step is left then",
         # Gaussian dither above the bound at random places between two steps.
         inside=[remaining(least + x, y) < 0.01 for x, y in draws.T]
         # Chosen to break it: the least noise at other steps of the disparity.
@@ -98,7 +103,9 @@ def averaging_removes_all(result):
         outside=[remaining(0.7 * least * x, y) < 0.01 for x, y in draws.T]
         + [of_depths(2 + x, y) < 0.01 for x, y in draws.T[:4]]
         + [frozen(least + x, y) < 0.01 for x, y in draws.T[:4]]
-        + [cut(least + x) < 0.01 for x in draws[0, :2]],
+        + [cut(least + x) < 0.01 for x in draws[0, :2]]
+        # Chosen to break it: the same noise, added after the rounding.
+        + [rounded_first(least + x, 0.1 + 0.3 * y) < 0.01 for x, y in draws.T[:4]],
     )
 
     def dithered(between):

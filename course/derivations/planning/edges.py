@@ -81,19 +81,39 @@ def edge_by_ten_points(result):
         for _ in range(4)
     ]
     open_ended = [none_missed(1.0, tried[1:-1]) for _ in range(4)]
+
+    def none_missed_on_an_arc(count, radius=1e-3):
+        """Return whether points on half a circle see a small disc at the arc's widest bulge."""
+        turns = np.linspace(0.0, np.pi, count)
+        points, middle = np.exp(1j * turns), np.exp(0.5j * turns[1])
+        grown = np.hypot(radius, np.abs(points[1] - points[0]) / 2)
+        return bool(np.abs(points - (1 + 0.9 * radius) * middle).min() <= grown)
+
+    def none_rejected_wrongly(radius):
+        """Return whether the enlarged discs reject no edge that is free."""
+        centres = result.rng.uniform((-0.2, -0.2), (edge + 0.2, 0.2), (20_000, 2))
+        discs = np.column_stack((centres, np.full(len(centres), radius)))
+        away = np.hypot(centres[:, 0] - np.clip(centres[:, 0], 0.0, edge), centres[:, 1])
+        return not np.any(~unseen(discs, 1.0) & (away > radius))
+
+    # Chosen to break it: edges that are arcs, as a car's, and free edges near a disc.
+    other = [none_missed_on_an_arc(count) for count in (3, 5, 11)]
+    other += [none_rejected_wrongly(radius) for radius in (0.02, 0.05)]
     result.statement_holds(
         share == 0.0,
-        only_if="every disc is first enlarged to the radius sqrt(r^2 + s^2 / 4), where s is the "
-        "largest distance between neighbouring check points, and both ends of the edge are among "
-        "these points",
+        only_if="the edge is straight, every disc is first enlarged to the radius "
+        "sqrt(r^2 + s^2 / 4), where s is the largest distance between neighbouring check points, "
+        "both ends of the edge are among these points, and free edges that pass a disc closely may "
+        "be rejected",
         inside=inside,
-        outside=outside + open_ended,
+        outside=outside + open_ended + other,
     )
     result.correction_holds(
         wrong == 0,
         bool(unseen(middles)[0]),
         not unseen(middles)[1],
         not any(open_ended),
+        not any(other),
         deepest <= float(result.formula.subs({r: large, s: gap})),
     )
 

@@ -150,6 +150,28 @@ def explicit_growth_per_second(result):
 
         return float(np.log2(grown(2 * dt, 1000) / grown(dt, 2000)))
 
+    def lifted(dt: float) -> float:
+        """Return the same power for a mass whose energy is counted from just below its start."""
+
+        def grown(h: float, steps: int) -> float:
+            energy = _energies(problems.oscillator(1.0), "explicit_euler", h, steps, steps)
+            return float(np.log((energy[1] - 0.99 * energy[0]) / (0.01 * energy[0])))
+
+        return float(np.log2(grown(2 * dt, 1000) / grown(dt, 2000)))
+
+    def swung(dt: float) -> float:
+        """Return the same power for a pendulum that is released at 3 rad, over 10 s."""
+        problem = problems.pendulum(3.0)
+        system = problem.system
+        bottom = float(system.energy(0 * system.q0, 0 * system.v0, system.params))
+
+        def grown(h: float) -> float:
+            steps = round(10 / h)
+            energy = _energies(problem, "explicit_euler", h, steps, steps) - bottom
+            return float(np.log(energy[1] / energy[0]))
+
+        return float(np.log2(grown(2 * dt) / grown(dt)))
+
     _, h, omega = _matrix("explicit_euler")
     # expm1 turns the growth of ln E back into the relative gain of one step.
     per_step = np.log2(np.expm1(growth(2e-4, 1)) / np.expm1(growth(1e-4, 1)))
@@ -163,14 +185,17 @@ def explicit_growth_per_second(result):
     )
     result.statement_holds(
         abs(per_step - 1) < 0.1,
-        only_if="it is the growth of ln E per second, of one undamped oscillator, and omega dt "
-        "stays below {small}",
+        only_if="it is the growth of ln E per second, of one undamped linear oscillator whose "
+        "energy E is zero at rest, and omega dt stays below {small}",
         # Samples below the bound are proportional to dt within 1 %. Those up to four times it reach
         # the next term of ln(1 + (omega h)^2), so that some fail.
         inside=[abs(power(x / 2, 1.0) - 1) < 0.01 for x in result.rng.uniform(0.01, 1, 12) * small],
         outside=[abs(power(x / 2, 1.0) - 1) < 0.01 for x in result.rng.uniform(1, 4, 12) * small]
         # Chosen to break it: two frequencies, of which the higher one takes over with time.
-        + [abs(together(x / 2) - 1) < 0.01 for x in result.rng.uniform(0.5, 1, 4) * small],
+        + [abs(together(x / 2) - 1) < 0.01 for x in result.rng.uniform(0.5, 1, 4) * small]
+        # Chosen to break it: a hung mass whose energy is counted from another zero, and a pendulum.
+        + [abs(lifted(x / 2) - 1) < 0.01 for x in result.rng.uniform(0.5, 1, 4) * small]
+        + [abs(swung(x) - 1) < 0.01 for x in (1e-3, 5e-4)],
     )
     result.correction_holds(abs(per_step - 2) < 0.01)
 
@@ -752,12 +777,15 @@ def semi_implicit_arm_energy(result):
     "With viscous damping its determinant is 1 - 2 zeta omega h per step, an approximation of the "
     "true exp(-2 zeta omega h): {determinant:.3f} instead of {true_contraction:.4f} at omega h = "
     "{omega_h} and zeta = {zeta}. Symplecticity says nothing about systems that dissipate. A force "
-    "that pushes several joints around a centre leaves the volume as it is, but not the areas.",
+    "that pushes several joints around a centre leaves the volume as it is, but not the areas. A "
+    "mass matrix that depends on the angles breaks both: one step of {arm_step_ms:g} ms of a "
+    "double pendulum can multiply the volume of angles and rates by {arm_determinant:.3f}.",
 )
 def semi_implicit_keeps_area_always(result):
     import sympy
 
     from course.derivations.rigid_body.linear import numeric_matrix, step_matrix, symbols
+    from course.rigid_body import problems
 
     h, omega, zeta = symbols()
     damped = sympy.simplify(step_matrix("semi_implicit_euler", damped=True).det())
@@ -787,16 +815,46 @@ def semi_implicit_keeps_area_always(result):
     # Chosen to break it: three joints. An antisymmetric matrix pushes around a centre.
     forces = result.rng.normal(size=(8, 3, 3))
     around = [several(f - f.T) for f in forces]
+
+    def volume(system: Any, state: np.ndarray, dt: Any) -> float:
+        """Return the determinant of one step, from central differences.
+
+        Args:
+            system: (acceleration, params).
+            state: positions, then as many velocities.
+            dt: function that returns the step for positions of shape (n, N).
+        """
+        n = len(state) // 2
+        shift = 1e-6 * np.eye(2 * n)
+        s = state[:, None] + np.hstack((shift, -shift))
+        q, v = _steps("semi_implicit_euler", system, s[:n], s[n:], dt(s[:n]), 1)
+        ends = np.vstack((q[1], v[1]))
+        return float(np.linalg.det((ends[:, : 2 * n] - ends[:, 2 * n :]) / 2e-6))
+
+    # Chosen to break it: a double pendulum, whose mass matrix depends on its angles, and a step
+    # that depends on the position.
+    double = problems.double_pendulum().system
+    arm, arm_step = (double.acceleration, double.params), result.input("arm_step_ms", 10.0) / 1000
+    shown = volume(arm, np.array([0.5, 1.6, 3.0, -4.0]), lambda q: arm_step)
+    states = result.rng.uniform(0.5, 1.5, (6, 4)) * [1, -1, 3, 3]
+    arms = [volume(arm, state, lambda q: arm_step) for state in states]
+    varied = [volume(_spring(10.0), s[:2], lambda q: 0.05 / (1 + np.abs(q[0]))) for s in states]
+    result.measure("arm_determinant", shown, 1e-4)
     result.statement_holds(
         damped == 1,
-        only_if="the mass is constant and the forces are the slope of a potential of the positions",
+        only_if="the mass matrix and the step are constant and the forces are the slope of a "
+        "potential of the positions",
         inside=[selected(u, 0.0) for u, _ in draws] + [several(f + f.T)[0] for f in forces],
-        outside=[selected(u, damping / 100) for u, damping in draws] + [x[0] for x in around],
+        outside=[selected(u, damping / 100) for u, damping in draws]
+        + [x[0] for x in around]
+        + [abs(x - 1) < 1e-6 for x in arms + varied],
     )
     result.correction_holds(
         sympy.expand(damped - (1 - 2 * zeta * omega * h)) == 0,
         not any(areas for areas, _ in around),
-        all(abs(volume - 1) < 1e-12 for _, volume in around),
+        all(abs(determinant - 1) < 1e-12 for _, determinant in around),
+        abs(shown - 1) > 0.01,
+        all(abs(x - 1) > 1e-5 for x in arms + varied),
     )
 
 

@@ -61,9 +61,16 @@ def steps_per_picture(result):
     result.measure("oldest_state_ms", max(share for _, share in at_60))
     result.statement = "Counted over a second of the course's loop, whose time is exact."
     physics = result.rng.integers(200, 900, 10)
+
+    def summed(picture_hz):
+        """Return whether pictures at 1 kHz are equally many steps apart if times are summed."""
+        time, due = (np.cumsum(np.full(n, 1 / hz)) for n, hz in ((20_000, 1000), (900, picture_hz)))
+        return np.ptp(np.diff(np.searchsorted(time, due))) == 0
+
     result.statement_holds(
         finished(1000, 60),
-        only_if="the picture rate divides the physics rate and the first picture falls on a step",
+        only_if="the picture rate divides the physics rate, the first picture falls on a step, and "
+        "both are counted in whole steps of one clock",
         inside=[
             finished(int(n * rate), int(rate))
             for n, rate in zip(
@@ -74,7 +81,9 @@ def steps_per_picture(result):
         # divides it.
         outside=[finished(int(rate), int(rate) // 7 - 1) for rate in physics]
         # Chosen to break it: rates that divide, but pictures that start half a period off.
-        + [between(odd * rate, rate) for odd, rate in ((3, 40), (5, 50), (17, 60))],
+        + [between(odd * rate, rate) for odd, rate in ((3, 40), (5, 50), (17, 60))]
+        # Chosen to break it: both times are sums of floating-point periods.
+        + [summed(rate) for rate in (50, 100, 125)],
     )
     result.correction_holds(set(steps) == {16, 17}, len(at_60) == 60, at_60[2][0] == 50)
 

@@ -320,18 +320,50 @@ def set_const_compiles(result):
         anew = xml.replace('size="0.04"', f'size="{size:.17g}"')
         return different(stale, mujoco.MjModel.from_xml_string(anew))
 
+    def centre_moves():
+        """Return whether mj_setConst takes another centre of mass of a body compiled as simple."""
+        inertial = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.02 0.025"/>'
+        model = mujoco.MjModel.from_xml_string(
+            f"<mujoco><worldbody><body><freejoint/>{inertial}</body></worldbody></mujoco>"
+        )
+        model.body_ipos[1, 0] = 0.2
+        try:
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+        except mujoco.FatalError:
+            return False
+        return True
+
+    def muscles():
+        """Return a muscle's model with a moved arm, after mj_setConst and compiled."""
+
+        def built(z):
+            return mujoco.MjModel.from_xml_string(
+                f'<mujoco><worldbody><site name="top" pos="0.3 0 1"/><body pos="0 0 {z}">'
+                '<joint axis="0 1 0" limited="true" range="-60 60"/>'
+                '<geom type="capsule" fromto="0 0 0 0 0 -0.5" size="0.03"/>'
+                '<site name="end" pos="0 0 -0.3"/></body></worldbody><tendon><spatial name="t">'
+                '<site site="top"/><site site="end"/></spatial></tendon>'
+                '<actuator><muscle tendon="t"/></actuator></mujoco>'
+            )
+
+        stale = built(1.0)
+        stale.body_pos[1, 2] = 0.8
+        mujoco.mj_setConst(stale, mujoco.MjData(stale))
+        return stale, built(0.8)
+
     result.statement_holds(
         same(derived, 4.0),
-        only_if="no damping is stated as a ratio, an actuator's or a joint's, no tendon with a "
-        "spring leaves its length to the compiler, and no shape is changed from which it computes "
-        "an inertia",
+        only_if="what changes are masses, inertias, friction, damping and the positions of bodies, "
+        "and the model leaves no damping (dampratio, springdamper), no spring length of a tendon, "
+        "no length range of a muscle and no total mass to the compiler",
         inside=[same(given, x) for x in factors]
         + [not hung('springlength="0.5"', x)[0] for x in depths],
         outside=[same(derived, x) for x in factors]
         + [joint[0][0] == joint[1][0]]
         + [not hung("", x)[0] for x in depths]
-        # Chosen to break it: a thicker link, whose inertia only the compiler computes.
-        + [not thicker(0.06)],
+        # Chosen to break it: a thicker link, whose inertia only the compiler computes, a moved
+        # centre of mass, and the length range of a muscle.
+        + [not thicker(0.06), centre_moves(), not different(*muscles())],
     )
     result.correction_holds(
         worst < 1e-12,
@@ -360,11 +392,11 @@ def mass_and_period(result):
         'mass="1"/></body></worldbody></mujoco>'
     )
 
-    def period(mass, inertia, armature=0.0, stiffness=0.0, dry=0.0, text=xml):
+    def period(mass, inertia, armature=0.0, stiffness=0.0, dry=0.0, text=xml, angle=0.5):
         model = mujoco.MjModel.from_xml_string(text)
         model.dof_armature[:], model.jnt_stiffness[:] = armature, stiffness
         model.dof_frictionloss[:] = dry
-        return swing_period(_scaled(model, mass, inertia), "hinge", 0.5)
+        return swing_period(_scaled(model, mass, inertia), "hinge", angle)
 
     plain = period(1.0, 1.0)
     scaled = result.measure("scaled_ratio", period(2.0, 2.0) / plain)
@@ -384,20 +416,27 @@ def mass_and_period(result):
     ball = xml[: xml.index("<geom")] + '<geom size="0.01" pos="0 0 -1" mass="1"/>'
     ball += xml[xml.index("</body>") :]
     single = period(1.0, 1.0, text=ball)
-    sprung, rubbed = (
-        period(2.0, 2.0, 0.0, *x) / period(1.0, 1.0, 0.0, *x) for x in ((3.0,), (0.0, 0.02))
-    )
+    sprung = period(2.0, 2.0, 0.0, 3.0) / period(1.0, 1.0, 0.0, 3.0)
+
+    def rubbed(dry, angle):
+        """Return the ratio of the periods with dry friction that stays as it is [N m]."""
+        heavy, light = (period(x, x, dry=dry, angle=angle) for x in (2.0, 1.0))
+        return heavy / light
+
     result.statement_holds(
         abs(scaled - 1.0) > 1e-3,
         only_if="the inertia isn't scaled with the mass and isn't negligible compared with m l^2, "
-        "or something else stays as it is, such as a motor's armature, a spring or dry friction",
+        "or something else stays as it is, such as a motor's armature or a spring; dry friction "
+        "counts only in large swings, whose period depends on how fast they decay",
         inside=[abs(period(x, 1.0) / plain - 1.0) > 1e-3 for x in factors]
         + [abs(period(2.0, 2.0, rotor) / period(1.0, 1.0, rotor) - 1.0) > 1e-3]
-        # Chosen to break it: a spring, and dry friction, which only makes the swings smaller.
-        + [abs(x - 1.0) > 1e-3 for x in (sprung, rubbed)],
+        # Chosen to break it: a spring, and a large swing that dry friction makes smaller.
+        + [abs(x - 1.0) > 1e-3 for x in (sprung, rubbed(0.02, 0.5))],
         outside=[abs(period(x, x) / plain - 1.0) > 1e-3 for x in factors]
         # Chosen to break it: a ball on a long rod.
-        + [abs(period(x, 1.0, text=ball) / single - 1.0) > 1e-3 for x in factors[:2]],
+        + [abs(period(x, 1.0, text=ball) / single - 1.0) > 1e-3 for x in factors[:2]]
+        # Chosen to break it: the same dry friction, compared with gravity, in a small swing.
+        + [abs(rubbed(0.002, 0.05) - 1.0) > 1e-3],
     )
     result.correction_holds(
         abs(scaled - 1.0) < 1e-6, abs(other / plain - 1.0) < 1e-6, abs(alone - expected) < 1e-4
@@ -655,21 +694,33 @@ def friction_in_all_directions(result):
         mujoco.mj_step(model, data, nstep=50)
         return (2.0 - np.hypot(*data.qvel[:2])) / (0.5 * 9.81 * 0.05)
 
+    def pushed(speed, share):
+        """Return the same as `crept` along x, with a push of a share of the weight along y."""
+        model = _sled(0.5, 0.5)
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, nstep=300)
+        data.qvel[0], rise = speed, data.qvel[2]
+        data.qfrc_applied[1] = share * 9.81
+        mujoco.mj_step(model, data)
+        return (speed - data.qvel[0]) / (9.81 * 0.001 + data.qvel[2] - rise) / 0.5
+
     angles = result.rng.uniform(0.1, np.pi / 2 - 0.1, 10)
     spins = [spun(x) for x in (0.0, *result.rng.uniform(20.0, 60.0, 4))]
     # Attacks: a contact frame that is turned, and a pair with two coefficients of sliding.
     result.statement_holds(
         abs(diagonal - 1.0) < 1e-3,
         only_if="the friction cone is elliptic, no pair gives the two directions of sliding "
-        "different coefficients, the block does not spin, and it is not so slow that regularised "
-        "friction stays below its limit",
+        "different coefficients, the block does not spin, nothing pushes it across its path, and "
+        "it is not so slow that regularised friction stays below its limit",
         inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles]
         + [abs(braked("elliptic", a, turn=30.0 * a) - 1.0) < 1e-3 for a in angles[:4]]
         + [abs(crept(x) - 1.0) < 1e-3 for x in (0.3, 1.0)],
         outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles]
         + [abs(braked("elliptic", a, pair="0.5 0.25") - 1.0) < 1e-3 for a in angles[:4]]
         + [abs(x - 1.0) < 0.1 for x in spins[1:]]
-        + [abs(crept(x) - 1.0) < 0.1 for x in (0.001, 0.01)],
+        + [abs(crept(x) - 1.0) < 0.1 for x in (0.001, 0.01)]
+        # Chosen to break it: a push across the path of a block that slides slowly.
+        + [abs(pushed(0.2, x) - 1.0) < 1e-3 for x in (0.4, 0.8)],
     )
     result.correction_holds(
         abs(diagonal - np.sqrt(0.5)) < 1e-3, abs(spins[0] - 1.0) < 0.05, max(spins[1:]) < 0.8
