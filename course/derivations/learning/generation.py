@@ -619,8 +619,36 @@ def pauses(result):
     # Chosen to break it: of the chunks recorded at a state always the one recorded last.
     final = stuck(pause, 1, 0, lambda states, chunks: nearest(states[::-1], chunks[::-1]))
     outside += [mean == 1.0, shaken == 1.0, bool(final == 1.0)]
+
+    def halts(first, speed, executed):
+        """Return whether a point on a line stops where the last of its demonstrations pauses.
+
+        Args:
+            first: the pauses of the demonstrations, in the order of their recording [steps].
+            speed: whether the state holds the measured speed besides the position.
+            executed: steps of a chunk that are executed.
+        """
+        recorded = dict[tuple[int, int], list[int]]()
+        for wait in first:
+            actions = [1] * 3 + [0] * wait + [1] * 4
+            for k in range(len(actions)):
+                state = sum(actions[:k]), int(speed and k and actions[k - 1])
+                recorded.setdefault(state, (actions[k:] + [0] * executed)[:executed])
+        place, rate = 0, 0
+        for _ in range(40):
+            for action in recorded.get((place, rate if speed else 0), [0]):
+                place, rate = place + action, action
+            if place >= 7:
+                return False
+        return True
+
+    # Chosen to break it: the state shows the speed, so a pause has a second state of its own; and
+    # the demonstration that was recorded first does not pause.
+    inside += [halts([5], False, n) for n in (1, 3, 5)]
+    outside += [halts([5], True, 5), *(halts([0, 5], False, n) for n in (1, 3, 5))]
     only_if = (
-        "at a state it always returns the chunk that was recorded there first, begins where a "
+        "the state shows the position without the speed, it always returns the chunk that was "
+        "recorded first at a state, by a demonstration that paused there, it begins where a "
         "demonstration began, executes no more steps than a pause has, and nothing disturbs it"
     )
     result.statement_holds(over == 1.0, only_if=only_if, inside=inside, outside=outside)

@@ -384,8 +384,9 @@ def hovering(result):
     "Without a penalty for time, a robot has no reason to move fast.",
     "A discount is a penalty for time: at {discount} per step a slow controller is worth "
     "{slow:.2f} and a fast one {fast:.2f}. Without a discount both are worth the same, as long "
-    "as both arrive before a time limit or an accident, and nothing but arriving is rewarded: a "
-    "reward of minus the distance at every step is a penalty for time, too.",
+    "as both arrive before a time limit or an accident, and nothing but arriving, once, is "
+    "rewarded: a reward of minus the distance at every step is a penalty for time, too. And if a "
+    "new goal follows each arrival, the fast one collects more rewards in the same time.",
 )
 def no_time_penalty(result):
     from course.learning import evaluate
@@ -411,6 +412,15 @@ def no_time_penalty(result):
         limit = np.random.default_rng(0).geometric(0.01, (200, episodes.steps.size))
         return np.mean((limit > episodes.steps) * episodes.returns)
 
+    def collected(gain):
+        """Return the rewards in 1,000 steps where a new goal appears at each arrival."""
+
+        def act(observed):
+            push = gain**2 * observed[:, :2] - 2.0 * gain * observed[:, 2:]
+            return np.clip(push, -1.0, 1.0).astype(np.float32)
+
+        return np.mean(1000 // evaluate(act, PointReachVector(64, max_steps=1000), 0).steps)
+
     discount = result.input("discount", 0.99)
     slow, fast = (
         result.measure(x, worth(gain, discount), 1e-3) for x, gain in (("slow", 0.3), ("fast", 2.0))
@@ -421,12 +431,15 @@ def no_time_penalty(result):
     )
     # Chosen to break it: minus the distance at each step is no penalty for time by name only.
     dense = bool(abs(worth(0.3, 1.0, "distance") - worth(2.0, 1.0, "distance")) < 1e-9)
+    # Chosen to break it: no discount, but arriving is rewarded again and again.
+    repeated = bool(collected(0.3) > 0.9 * collected(2.0))
     result.statement_holds(
         all(same[1:]),
-        only_if="nothing but arriving is rewarded and rewards are not discounted, no time limit is "
-        "reached, and nothing else can end the episode",
+        only_if="nothing but arriving is rewarded, once and without a discount, and the slow robot "
+        "arrives as surely as the fast one: no time limit, accident or departing goal comes first, "
+        "and no slope needs a run-up",
         inside=same[:1],
-        outside=[*same[1:], bool(interrupted(0.3) > 0.9 * interrupted(2.0)), dense],
+        outside=[*same[1:], bool(interrupted(0.3) > 0.9 * interrupted(2.0)), dense, repeated],
         cases=True,
     )
     result.correction_holds(fast > slow + 0.1, not any(same[1:]))

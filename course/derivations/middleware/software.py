@@ -391,17 +391,21 @@ def seven_billion_on_board(result):
     few = result.rng.uniform(4.0, 16.0, 8)
     # Chosen to break it: a mixture of experts, of whose weights an inference reads a tenth.
     sparse = [traffic(x) / 10.0 > pc for x in sizes]
+    # Chosen to break it: just above the limit, with faster modules or eight channels of them.
+    faster = [traffic(1.05 * least) > pc * x for x in (6000 / 5600, 6400 / 5600, 4.0)]
     result.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
     result.statement_holds(
         bool(traffic(2, chunk) > pc),
         only_if="each inference reads every weight, and the bytes of a weight, divided by the "
-        "actions per inference, exceed {least:.2f}",
+        "actions per inference, exceed {least:.2f} in a PC whose memory delivers {pc:.1f} GB/s, "
+        "and in another one in proportion to what its memory delivers",
         # The same quotient, with one action per inference and with several.
         inside=[traffic(x) > pc for x in sizes]
         + [traffic(x * a, a) > pc for x, a in zip(sizes, few, strict=True)],
         outside=[traffic(x, a) > pc for x, a in zip(sizes, few, strict=True)]
         + [traffic(x * least) > pc for x in small]
-        + sparse,
+        + sparse
+        + faster,
     )
     result.correction_holds(
         each > pc,

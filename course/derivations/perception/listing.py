@@ -20,7 +20,8 @@ SYMBOLS = {
     "The first step reads a file of points. With a file that contains the points of our image, "
     "the steps find {there:.0f} clusters for {boxes:.0f} boxes. Without it, Open3D warns, "
     "continues with {empty:.0f} points, and fails at the plane. A depth image has to be "
-    "converted to points first.",
+    "converted to points in metres first: the tutorial's lengths are metres, and with points in "
+    "millimetres the steps ran through and found {mm:.0f} of {two:.0f} boxes.",
     source="Open3D 0.20 itself",
 )
 def tutorial_runs(result):
@@ -72,19 +73,44 @@ def tutorial_runs(result):
         o3d.io.write_point_cloud(file, some)
         return file
 
+    def found(pitch, unit=1.0):
+        """Return the clusters of a dense table with two boxes, points `pitch` [m] apart.
+
+        Args:
+            pitch: distance between neighbouring points [m].
+            unit: of the file, 1000 for millimetres.
+        """
+        x, y = np.meshgrid(np.arange(-0.3, 0.3, pitch), np.arange(-0.15, 0.15, pitch))
+        points = np.stack((x.ravel(), y.ravel(), np.zeros(x.size)), axis=1)
+        on_box = (np.abs(np.abs(points[:, 0]) - 0.15) < 0.05) & (np.abs(points[:, 1]) < 0.05)
+        points[on_box, 2] = 0.05
+        points += 1e-3 * result.rng.standard_normal(points.shape)
+        some, file = o3d.geometry.PointCloud(), str(Path(folder.name) / "dense.ply")
+        some.points = o3d.utility.Vector3dVector(unit * points)
+        o3d.io.write_point_cloud(file, some)
+        return clusters(file)
+
+    pitch, two = result.input("pitch_mm", 4) / 1000, result.input("two", 2)
+    # Chosen to break it: points too far apart for 50 neighbours, and a file in millimetres.
+    coarse = found(0.01)
+    mm = result.measure("mm", found(pitch, 1000.0))
     empty = str(Path(folder.name) / "none.pcd")  # a reader that says nothing by itself
     result.measure("empty", len(o3d.io.read_point_cloud(empty).points))
     result.statement = "The steps with the tutorial's numbers, with a file and without."
     result.statement_holds(
         fails(other),
-        only_if="the image was converted to a file of points first, and not all of them are within "
-        "the plane's tolerance of one plane",
-        inside=[count == boxes, not fails(with_part(0.05))],
+        only_if="the image was converted to a file of points in metres first, they are dense "
+        "enough for the neighbours that the cluster step counts (here {pitch_mm:.0f} mm apart), "
+        "and not all of them are within the plane's tolerance of one plane",
+        inside=[count == boxes, found(pitch) == two],
         # Chosen to break it: a part that is lower than the plane's tolerance of 10 mm.
-        outside=[not fails(empty), not fails(table), not fails(with_part(0.005))],
+        outside=[not fails(empty), not fails(table), not fails(with_part(0.005))]
+        + [coarse == two, mm == two],
         cases=True,
     )
-    result.correction_holds(count == boxes, fails(empty), fails(table), fails(with_part(0.005)))
+    result.correction_holds(
+        count == boxes, fails(empty), fails(table), fails(with_part(0.005)), mm < two
+    )
 
 
 @claim(
@@ -167,20 +193,47 @@ def ransac_takes_the_table(result):
     result.measure("share", max(share for _, share, _ in plates), 0.1)
     crowds = [crowded(0.06, 0.14, 4, 0.03), crowded(0.03, 0.1, 5, 0.1)]
     tilt = result.measure("tilt", np.degrees(np.median([tilt for tilt, _, _ in plates])), 0.3)
+
+    def synthetic(share, height, most):
+        """Return whether the table is removed and parts are left, from points in a box.
+
+        Args:
+            share: of the points that lie on the table.
+            height: of the lowest part [m]; with a share of nearly 1, the only one.
+            most: largest number of triples.
+        """
+        part = result.rng.uniform((-0.5, -0.5, height), (0.5, 0.5, max(height, 0.5)), (1500, 3))
+        on_table = np.arange(1500) < share * 1500
+        part[on_table, 2] = 1e-3 * result.rng.standard_normal(on_table.sum())
+        # Parts that stand apart are points at any height; a flat one has one height.
+        if height < 0.01:
+            part[~on_table, 2] = height
+        _, near, _ = ransac_plane(part.T, 0.006, result.rng, at_most=most)
+        return bool(near[on_table].mean() > 0.9 and near[~on_table].mean() < 0.1)
+
+    # Chosen to break it: washers of 4 mm, within the tolerance; and a table that is the largest
+    # plane, but an eighth of the points, with too few triples.
+    washers = [synthetic(0.95, 0.004, 1000) for _ in range(3)]
+    hurried = [synthetic(0.12, 0.02, 100) for _ in range(8)]
+    patient = [synthetic(0.12, 0.02, 10_000) for _ in range(3)]
     result.statement = "Square boards of 60 to 600 mm, 100 mm high, and low plates, on a table."
     result.statement_holds(
         all(ok for ok, _ in large),
         only_if="no other plane has as many points within the tolerance as the table: not that of "
         "a large part or of many equally high parts, and no slanted one through the table and low "
-        "plates or steps",
+        "plates or steps; every object is higher than the tolerance; and enough triples are "
+        "sampled for the table's share of the points",
         inside=[ok for ok, _ in small]
+        + patient
         # Chosen to break it: the same plates, too high for a slanted plane.
         + [slant(x, 0.006 * 6)[2] for x in (0.1, 0.25)],
         outside=[ok for ok, _ in large]
         + [ok for _, _, ok in plates]
         + [ok for ok, _ in crowds]
         # A plate and steps of which each shows less than the table.
-        + [slant(0.1, 0.015)[2], stairs(0.012)[0]],
+        + [slant(0.1, 0.015)[2], stairs(0.012)[0]]
+        + washers
+        + [all(hurried)],
     )
     result.correction_holds(
         tilt > 0.5,
