@@ -205,10 +205,12 @@ def next_row(result):
         rewards, values, after, ended, late, row = drawn(result.rng)
         k = len(rewards) // 2
         late[k - 1], ended[k - 1] = True, False
-        runs = [np.delete(x, k) for x in (rewards, values, after, ended, late)]
-        right = gae(*runs)
-        runs[2] = np.append(runs[1][1:], row[-1])
-        return np.abs(gae(*runs) - right).max()
+        rewards, values, after, ended, late = (
+            np.delete(x, k) for x in (rewards, values, after, ended, late)
+        )
+        right = gae(rewards, values, after, ended, late)
+        following = np.append(values[1:], row[-1])
+        return np.abs(gae(rewards, values, following, ended, late) - right).max()
 
     result.statement = (
         "Random runs of 40 steps in which a tenth of the steps end an episode, with and without "

@@ -162,7 +162,7 @@ def explicit_growth_per_second(result):
     def swung(dt: float) -> float:
         """Return the same power for a pendulum that is released at 3 rad, over 10 s."""
         problem = problems.pendulum(3.0)
-        system = problem.system
+        system: Any = problem.system
         bottom = float(system.energy(0 * system.q0, 0 * system.v0, system.params))
 
         def grown(h: float) -> float:

@@ -446,7 +446,9 @@ def worked_ten_bounces_rk4(result):
 
     # Chosen to break it: a bisection that stops at ten microseconds.
     tolerance = 1e-6 * result.input("tolerance_us", 0.1)
-    fine, coarse = ([bisected(*draw, x) for draw in starts] for x in (tolerance, 1e-5))
+    fine, coarse = (
+        [bisected(height, speed, x) for height, speed in starts] for x in (tolerance, 1e-5)
+    )
     result.statement = (
         f"With resolved impacts the energy is off by {max(resolved):.0e} at most; one step of each "
         f"second-order method is the parabola to {deviation:.0e}."
@@ -550,7 +552,7 @@ def semi_implicit_bouncing_decays(result):
         rebounds = low.v[low.bounced[:, ball], ball]
         return bool((np.diff(rebounds)[rebounds[1:] > slowest] < 0).all())
 
-    def mirrored() -> np.ndarray:
+    def mirrored() -> Any:
         """Return the change of the energy in ten bounces at a mirror, for each ball [%]."""
         y, v, count = heights.copy(), speeds.copy(), np.zeros(n)
         while (count < 10).any():
