@@ -11,6 +11,7 @@ and the next right answer is right.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import pwd
@@ -121,7 +122,9 @@ def state_of_files() -> dict[str, tuple[int, ...]]:
         if top.is_dir():
             for entry in os.scandir(top):
                 if not entry.name.startswith(("tmp", "pytest", "drills-", ".", "bash")):
-                    result[entry.path] = (entry.stat(follow_symlinks=False).st_mode,)
+                    # Another process may have removed its own file since it was listed.
+                    with contextlib.suppress(FileNotFoundError):
+                        result[entry.path] = (entry.stat(follow_symlinks=False).st_mode,)
     return result
 
 

@@ -96,7 +96,7 @@ def first_cells(page: Any) -> None:
             if (cell.model.type !== 'code') continue;
             notebook.activeCellIndex = k;
             await window.jupyterapp.commands.execute('notebook:run-cell');
-            if (cell.model.sharedModel.source.trim().endsWith('simulation()')) return;
+            if (cell.model.sharedModel.source.trim().startsWith('simulation(')) return;
           }
         }"""
     )
