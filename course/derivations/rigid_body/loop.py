@@ -198,10 +198,14 @@ def clock_by_adding_dt(result):
     "No step is good or bad by itself: without damping, semi-implicit Euler's limit is 2 over the "
     "fastest angular frequency. It is "
     "{limit_100_n_per_m_ms:.0f} ms for {soft_n_per_m:.0f} N/m on {mass_kg:.0f} kg and "
-    "{limit_1_mn_per_m_ms:.0f} ms for {stiff_n_per_m:.0f} N/m.",
+    "{limit_1_mn_per_m_ms:.0f} ms for {stiff_n_per_m:.0f} N/m. Nor is a stable step accurate: at "
+    "{near_step_ms:g} ms an oscillation of {near_rad_per_s:.0f} rad/s swings to {near_swing:.1f} "
+    "times its start.",
 )
 def step_sweet_spot(result):
     from course.derivations.rigid_body.linear import measured_limit, spectral_radius
+    from course.rigid_body import simulate
+    from course.rigid_body.problems import oscillator
 
     mass = result.input("mass_kg", 1.0)
     soft, stiff = result.input("soft_n_per_m", 1e2), result.input("stiff_n_per_m", 1e6)
@@ -221,12 +225,18 @@ def step_sweet_spot(result):
     result.statement = (
         "Semi-implicit Euler on 1 kg and an undamped spring, by the eigenvalues of its step."
     )
+
+    # Chosen to break it: a step that is stable, but near the limit.
+    near, step = result.input("near_rad_per_s", 490.0), result.input("near_step_ms", 4.0) / 1000
+    run = simulate(oscillator(near).system, "semi_implicit_euler", step, 2000, every=1)
+    swing = result.measure("near_swing", np.abs(run.q / run.q[0]).max(), 1e-3)
     # Within 10 % outside both ends of the range.
     beside = [*result.rng.uniform(0.9 * slow, slow, 6), *result.rng.uniform(fast, 1.1 * fast, 6)]
     result.statement_holds(
         right(np.sqrt(soft / mass)) and right(np.sqrt(stiff / mass)),
-        only_if="the integrator is semi-implicit Euler, nothing damps, and the fastest oscillation "
-        "lies between {slowest_rad_per_s:.0f} and {fastest_rad_per_s:.0f} rad/s",
+        only_if="right only means stable, the integrator is semi-implicit Euler, nothing damps, "
+        "and the fastest oscillation lies between {slowest_rad_per_s:.0f} and "
+        "{fastest_rad_per_s:.0f} rad/s",
         inside=[right(w) for w in result.rng.uniform(slow, fast, 12)],
         outside=[right(w) for w in beside]
         # Chosen to break it: damping from the old velocity lowers the limit.
@@ -236,6 +246,7 @@ def step_sweet_spot(result):
         stable(np.sqrt(soft / mass), 0.010),
         not stable(np.sqrt(stiff / mass), 0.004),
         not any(right(w) for w in beside),
+        right(near) and swing > 2,
     )
 
 
