@@ -185,7 +185,8 @@ def explain(answers: Sequence[Answer]) -> str:
     steps = [np.diff(row) for row in long]
     if all((step >= 0.0).all() for step in steps) or all((step <= 0.0).all() for step in steps):
         return "from_one_end"
-    dyadic = [np.abs(row * 2.0**9 - np.round(row * 2.0**9)).max() < 1e-3 for row in long]
+    # No interval has to be shorter than a 2,000th of its edge: the margin over the longest motion.
+    dyadic = [np.abs(row * 2.0**12 - np.round(row * 2.0**12)).max() < 4e-3 for row in long]
     return "halved_blindly" if all(dyadic) else ""
 
 

@@ -27,7 +27,8 @@ TIMES = 12
 # What a cell does meanwhile: a loop in Python, beside which another thread of the kernel answers
 # the widgets, and one long call that lets no other thread in, as in many a library [a few s].
 LOOP = "import time\nend = time.monotonic() + 4.0\nwhile time.monotonic() < end: pass"
-CALL = "sum(range(60_000_000))"
+# Before the call, the kernel has the time to tell that it is busy.
+CALL = "import time\ntime.sleep(0.2)\nsum(range(200_000_000))"
 
 
 def busy(page: Any, code: str) -> None:
