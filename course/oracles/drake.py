@@ -307,7 +307,11 @@ class DrakeRun(Run):
         return self.simulator.get_context().Clone(), self._steps
 
     def restore(self, saved: Any) -> None:
-        """Continue from what `save` returned; the integrator starts again."""
+        """Continue from what `save` returned.
+
+        The simulator is initialised again. An error-controlled integrator nevertheless starts with
+        the step size that it reached last, so its continuation agrees only within its accuracy.
+        """
         context, self._steps = saved
         self.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
         # The integrator's step history does not belong to the context.

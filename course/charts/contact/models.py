@@ -467,6 +467,19 @@ def contact_steering(
 PUSH = {"stiffness": 2e3, "damping": 60.0}  # N/m, N s/m, of the penalty contact in `pushed`
 
 
+def finger_and_block(speed: float) -> Scene:
+    """Return a finger of 1 kg that moves at `speed` [m/s] at a block of 1 kg, 0.1 m ahead of it."""
+    return Scene(
+        np.eye(2),
+        np.array([[[-1.0, 1.0]]]),
+        np.array([0.1]),
+        np.zeros(2),
+        np.zeros((1, 0)),
+        np.zeros(2),
+        np.array([speed, 0.0]),
+    )
+
+
 def pushed(speed: float, how: str, dt: float = 5e-3, softness: float = 0.0) -> float:
     """Return where a block of 1 kg is 0.5 s after a finger of 1 kg is sent at it [m].
 
@@ -479,15 +492,7 @@ def pushed(speed: float, how: str, dt: float = 5e-3, softness: float = 0.0) -> f
         dt: [s].
         softness: [W], times the step.
     """
-    scene = Scene(
-        np.eye(2),
-        np.array([[[-1.0, 1.0]]]),
-        np.array([0.1]),
-        np.zeros(2),
-        np.zeros((1, 0)),
-        np.zeros(2),
-        np.array([speed, 0.0]),
-    )
+    scene = finger_and_block(speed)
     steps = round(0.5 / dt)
     if how == "penalty":
         return float(run(scene, "penalty", dt, steps, **PUSH).q[1, -1])

@@ -446,7 +446,7 @@ def penalty_is_a_step(result):
     "{stepped:.0f} at every step size; the truth is 1.",
 )
 def contact_gradients_vanish(result):
-    from course.charts.contact.models import pushed, rebound, slope
+    from course.charts.contact.models import finger_and_block, pushed, rebound, slope
     from course.contact import scenes
 
     def push(p):
@@ -458,20 +458,9 @@ def contact_gradients_vanish(result):
 
     def push_before(p):
         """Return the slope with MuJoCo's soft contact and a margin; no run reaches the block."""
-        finger = scenes.Scene(
-            np.eye(2),
-            np.array([[[-1.0, 1.0]]]),
-            np.array([0.1]),
-            np.zeros(2),
-            np.zeros((1, 0)),
-            np.zeros(2),
-            np.zeros(2),
-        )
 
         def end(speed):
-            path = scenes.run(
-                replace(finger, v=np.array([speed, 0.0])), "soft", 5e-3, 100, margin=0.095
-            )
+            path = scenes.run(finger_and_block(speed), "soft", 5e-3, 100, margin=0.095)
             nearest = np.min(0.1 + path.q[1] - path.q[0])
             return path.q[1, -1] if nearest > 0.0 else 0.0
 

@@ -204,12 +204,13 @@ def diffusion_between(result):
 @claim(
     "With one Euler step, a flow policy returns the mean of the demonstrations.",
     "If noise and data are paired at random, the sample at time 0 tells nothing about the data, so "
-    "the exact velocity points to their mean. If each path is straight and run at constant speed, "
-    "a step of size h ends at {formula}, a full step at m. A trained network smooths "
-    "the field near time 0: with one step {net:.0%} of its first chunks lead into the obstacle, "
-    "of the mean's {mean:.0%}. Two steps are too few: even with the exact field {between:.0%} of "
-    "the samples of two narrow modes end between them. A few more separate the modes but get "
-    "their width wrong: with ten steps a mode of width {exact:.3f} comes out {ten:.3f} wide.",
+    "the exact velocity points to the mean of the data for the same observation. If each path is "
+    "straight and run at constant speed, a step of size h ends at {formula}, a full step at m. A "
+    "trained network smooths the field near time 0: with one step {net:.0%} of its first chunks "
+    "lead into the obstacle, of the mean's {mean:.0%}. Two steps are too few: even with the exact "
+    "field {between:.0%} of the samples of two narrow modes end between them. A few more separate "
+    "the modes but get their width wrong: with ten steps a mode of width {exact:.3f} comes out "
+    "{ten:.3f} wide.",
     ask=(
         "A sample starts as noise z at time 0. Noise and data are paired at random, the data have "
         "mean m, and the velocity field of flow matching is exact. Where does one Euler step of "
