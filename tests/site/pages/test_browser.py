@@ -444,6 +444,8 @@ def test_words_of_a_narrow_picture_stand_apart(browser: "Browser", addresses: li
     with Reader(browser, addresses[0], viewport={"width": 390, "height": 844}) as reader:
         reader.page.add_init_script(WORDS_DRAWN)
         page = reader.open("01_rigid_body.html")
+        # A simulation starts when it comes into view; with a wide font this one lies below.
+        page.locator(".course-live").first.scroll_into_view_if_needed()
         picture = page.locator(".course-live canvas").first
         picture.wait_for()
         page.wait_for_function("() => document.querySelector('canvas')?.words?.length")
