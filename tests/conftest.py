@@ -12,7 +12,8 @@ Markers say where a test runs. They stand at the test, or in `pytestmark` of its
     topic     names the topic of a test over all chapters, which is otherwise its folder's.
 
 `--topic contact` runs the tests of one topic and the smoke tests. COURSE_PROVE=1 runs the long tier
-as well: what is marked `prove`, and every property with ten times as many examples, sampled afresh.
+as well: what is marked `prove`, and every property with ten times as many examples, sampled with
+the SEED of `make prove`.
 """
 
 import gc
@@ -40,7 +41,8 @@ for _name in [name for name in os.environ if name.startswith("DRILLS_")]:
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# `make test` samples the same examples every time; `make prove` samples new ones.
+# `make test` samples the same examples every time; `make prove SEED=2` others than with seed 1. With
+# pytest alone, without --hypothesis-seed, each run samples new ones.
 hypothesis.settings.register_profile("test", derandomize=True, deadline=None, database=None)
 hypothesis.settings.register_profile("prove", deadline=None, print_blob=True)
 hypothesis.settings.load_profile("prove" if PROVE else "test")
