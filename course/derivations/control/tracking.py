@@ -220,12 +220,12 @@ def adaptive_sum_can_only_fall(result):
 
     largest = [0.0, 0.0]  # |Y|^2 of the last run that was watched for it: on the way, at the start
 
-    def run(offset, hz, seconds=1.0, bounds=None, at=0.0, watch=False):
+    def run(offset, hz, seconds=1.0, bounds=None, at=0.0, watch=False, rate=5.0):
         """Return the largest and the last sum over the first, and the error at the end [mrad].
 
         The run begins `at` a time of the motion [s].
         """
-        law = tracking.adaptive(tracking.ARM, 1.0 / hz, bounds=bounds)
+        law = tracking.adaptive(tracking.ARM, 1.0 / hz, rate, bounds)
 
         def motion(times):
             return tracking.motion(np.asarray(times) + at)
@@ -245,7 +245,7 @@ def adaptive_sum_can_only_fall(result):
             wrong = law.estimate - truth
             # Slotine and Li's Lyapunov function: s^T M s / 2 plus the parameter error over the
             # rate.
-            sums.append(s @ tracking.ARM.mass_matrix(q) @ s / 2 + wrong @ wrong / (2 * 5.0))
+            sums.append(s @ tracking.ARM.mass_matrix(q) @ s / 2 + wrong @ wrong / (2 * rate))
             return step(q, v, q_ref, v_ref, a_ref)
 
         start = np.asarray(q)[:, 0] + offset, np.asarray(v)[:, 0]
@@ -296,19 +296,33 @@ def adaptive_sum_can_only_fall(result):
         rose = run(np.full(2, 1e-5), coarse, 0.1, at=at, watch=True)[0] > 1.0
         close.append(rose and 5.0 * largest[0] / (2.5 * coarse) < 1.0)
     fell, grew = ([start for good, _, start in draws if good == kind] for kind in (True, False))
+    # Also chosen to break it: adaptation so slow that it does nothing, at rates too low for the law
+    # itself.
+    slow_rates = []
+    for offset, hz, at in zip(
+        result.rng.uniform(0.2, 0.4, (16, 2)) * [1.0, -1.0],
+        result.rng.uniform(40.0, 80.0, 16),
+        result.rng.uniform(0.0, 6.0, 16),
+        strict=True,
+    ):
+        good = run(offset, hz, 0.3, at=at, watch=True, rate=1e-6)[0] <= 1.0 + 1e-9
+        slow_rates.append((good, 1e-6 * largest[0] / (2.5 * hz)))
+    unstable = [good for good, measure in slow_rates if measure < 1.0 and not good]
     result.statement_holds(
         grown <= 1.0,
         only_if="dt times the adaptation gain times |Y|^2 stays below the damping during the whole "
-        "motion, not only at its start, and the start is farther off the motion than the error "
-        "that the hold leaves",
+        "motion, not only at its start, the sum also falls at this sample time without adaptation, "
+        "and the start is farther off the motion than the error that the hold leaves",
         inside=[good for good, measure, _ in draws if measure < 1.0],
         outside=[good for good, measure, _ in draws if not measure < 1.0]
-        + [not rose for rose in close],
+        + [not rose for rose in close]
+        + unstable,
     )
     result.correction_holds(
         # What |Y| is at the start decides nothing.
         min(grew) < max(fell),
         all(close),
+        len(unstable) > 0,
         grown > 1.5,
         fallen < 1.0,
         not lost < 1e3,
