@@ -41,8 +41,8 @@ for _name in [name for name in os.environ if name.startswith("DRILLS_")]:
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# `make test` samples the same examples every time; `make prove SEED=2` others than with seed 1. With
-# pytest alone, without --hypothesis-seed, each run samples new ones.
+# `make test` samples the same examples every time, and `make prove SEED=2` others than with seed 1.
+# With pytest alone, without --hypothesis-seed, each run of the long tier samples new ones.
 hypothesis.settings.register_profile("test", derandomize=True, deadline=None, database=None)
 hypothesis.settings.register_profile("prove", deadline=None, print_blob=True)
 hypothesis.settings.load_profile("prove" if PROVE else "test")

@@ -163,8 +163,9 @@ class Adaptive:
     That is a proof for continuous time. Sampled, the estimate moves by dt rate Y^T s from values
     that are a sample old, and V falls only while dt rate |Y|^2 is small against the damping, and dt
     is short enough for the damping itself: far from the reference, or with a large rate, the
-    estimate runs away and the arm with it. Noise makes an estimate drift that nothing excites. `bounds` keep it among arms that are possible
-    (projection; Ioannou and Sun, 1996, section 3.10).
+    estimate runs away and the arm with it. Noise makes an estimate drift that nothing excites.
+    `bounds` keep it among arms that are possible (projection; Ioannou and Sun, 1996, section
+    3.10).
 
     Attributes:
         arm: whose lengths and gravity are known; its masses and damping are not looked at.
