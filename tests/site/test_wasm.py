@@ -160,6 +160,8 @@ def test_a_constant_of_the_source_changes_the_module_and_its_picture(tmp_path: P
     away = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "course", tmp_path / "course", ignore=away)
     shutil.copytree(ROOT / "tests", tmp_path / "tests", ignore=away)
+    # A simulation reads the insights of the exercises.
+    shutil.copytree(ROOT / "drills" / "catalogue", tmp_path / "drills" / "catalogue", ignore=away)
     source = tmp_path.joinpath("course", "simulations", *SMALL.split(".")).with_suffix(".py")
     text = source.read_text(encoding="utf-8")
     assert text.count(CONSTANT) == 1
