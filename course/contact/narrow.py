@@ -376,8 +376,8 @@ def _apart(s, i, j, k):
 
 
 @register_jitable
-def _face(f, i, j, k, s, size, corner, face, key):
-    """Write face f: its corners, outward unit normal and distance from the origin."""
+def _face(f, i, j, k, s, size, middle, corner, face, key):
+    """Write face f: its corners, unit normal away from `middle`, and distance from the origin."""
     corner[f, 0], corner[f, 1], corner[f, 2] = i, j, k
     face[f, 4], face[f, 5] = _SIDE * size, math.inf
     m = _normal(s, i, j, k)
@@ -392,7 +392,12 @@ def _face(f, i, j, k, s, size, corner, face, key):
         face[f, 4] *= size * math.sqrt(longest / area) if area > 0.0 else math.inf
     if area > 0.0:
         m = _unit(m)
-        face[f, 3] = key[f] = dot(m, _row(s, i))
+        far = dot(m, _row(s, i))
+        # A vertex that is beyond a face by little more than rounding folds the surface: one of its
+        # faces lies on its back. As a plane that bounds the set it is as good as the others.
+        if dot(m, middle) - far > face[f, 4]:
+            m, far = (-m[0], -m[1], -m[2]), -far
+        face[f, 3] = key[f] = far
     else:
         face[f, 3], key[f] = 0.0, math.inf
     face[f, 0], face[f, 1], face[f, 2] = m
@@ -427,8 +432,13 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
     if dot(_normal(s, 0, 1, 2), _edge(s, 0, 3)) > 0.0:
         for c in range(9):
             s[1, c], s[2, c] = s[2, c], s[1, c]
+    # A point within the tetrahedron, and so within the polytope at all times.
+    middle = (0.0, 0.0, 0.0)
+    for c in range(4):
+        middle = _added(middle, 0.25, _row(s, c))
     for f in range(4):
-        _face(f, _FACES[f][0], _FACES[f][1], _FACES[f][2], s, pair[_SIZE], corner, face, key)
+        i, j, k = _FACES[f]
+        _face(f, i, j, k, s, pair[_SIZE], middle, corner, face, key)
         beyond[f, 0], beyond[f, 1], beyond[f, 2] = _ACROSS[f]
     faces, new, iterations = 4, 4, 0  # `new` is the row of the next vertex
     rounding = _SIDE * pair[_SIZE]
@@ -488,7 +498,7 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
             made = stack[n] if n < observed else faces
             faces = max(faces, made + 1)
             p, q, g = link[n, 0], link[n, 1], link[n, 2]
-            _face(made, p, q, new, s, pair[_SIZE], corner, face, key)
+            _face(made, p, q, new, s, pair[_SIZE], middle, corner, face, key)
             beyond[made, 0] = g
             for e in range(3):
                 if corner[g, e] == q:
@@ -510,7 +520,8 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
         if aligned and key[g] <= depth + rounding:
             u, v, w = _areas(best, s, corner[g, 0], corner[g, 1], corner[g, 2])
             least = min(u, v, w) / (u + v + w)
-            if least > inside:
+            # Of a face on its back all three areas are negative.
+            if u + v + w > 0.0 and least > inside:
                 inside, f = least, g
                 u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
                 total = u + v + w

@@ -265,6 +265,13 @@ def test_a_face_that_folds_back_within_its_plane_leaves_the_depth_certain(first,
     assert_certified(contact.box(half_a), contact.box(half_b), turn_a, turn_b, where)
 
 
+def test_a_face_on_its_back_is_not_where_the_polytope_grows():
+    """A thin segment in a box turned by 1e-12: a new face in a plane of the box looked inwards."""
+    segment = contact.points([[0.0, -1e-3], [0.0, 0.0], [0.0, 1e-3]])
+    box = contact.box([1.0, 1.0, 1.0])
+    assert_certified(segment, box, (0.0, 0.0, 0.0), (1e-12, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
 def assert_certified(a, b, turn_a, turn_b, where):
     """Check a distance by supports alone: nothing is nearer, and no plane separates them better."""
     pose_a = at(turn=turn_a)
