@@ -298,20 +298,31 @@ def pd_gains(
 def nonnegative_least_squares(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return x of least |A x - b| with x >= 0 (Lawson and Hanson's active sets)."""
     x, free = np.zeros(A.shape[1]), np.zeros(A.shape[1], dtype=bool)
+    useless = np.zeros(x.size, dtype=bool)
+
+    def minimum(free: np.ndarray) -> np.ndarray:
+        z = np.zeros(x.size)
+        z[free] = np.linalg.lstsq(A[:, free], b, rcond=None)[0]
+        return z
+
     for _ in range(10 * x.size):
-        slope = A.T @ (b - A @ x)
-        if free.all() or slope[~free].max() <= 1e-12:
+        slope = np.where(free | useless, -np.inf, A.T @ (b - A @ x))
+        released = np.argmax(slope)
+        if slope[released] <= 1e-12:
             break
-        # Release the variable that promises most, then step back to the first that turns negative.
-        free[np.argmax(np.where(free, -np.inf, slope))] = True
-        while True:
-            z = np.zeros(x.size)
-            z[free] = np.linalg.lstsq(A[:, free], b, rcond=None)[0]
-            negative = free & (z <= 0.0)
-            if not negative.any():
-                break
+        # Release the variable that promises most. One that turns negative at once promised only
+        # rounding.
+        free[released] = True
+        z = minimum(free)
+        if z[released] <= 0.0:
+            free[released], useless[released] = False, True
+            continue
+        useless[:] = False
+        # Step back to the first that turns negative, and hold that one at zero.
+        while (negative := free & (z <= 0.0)).any():
             x = x + np.min(x[negative] / (x[negative] - z[negative])) * (z - x)
             free &= x > 1e-14
+            z = minimum(free)
         x = z
     return x
 

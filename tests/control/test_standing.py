@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 
@@ -79,6 +79,7 @@ def test_forces_carry_the_weight_and_torques_carry_the_forces():
 @given(
     st.floats(-0.9, 0.9), st.floats(0.1, 1.0), st.floats(-0.3, 0.3), st.sampled_from([12.0, 1e4])
 )
+@example(slope=0.12006004354551325, mu=0.12006004354551325, lean=0.1171875, limit=1e4)
 def test_what_is_feasible_is_so_by_a_linear_program_too(slope, mu, lean, limit):
     standing = biped(slope, mu, lean=lean, limit=limit)
     p = program(standing)
