@@ -379,8 +379,9 @@ def rewired_evidence(wrong: bool, seed: int) -> float:
 
     A branch with a stale cost may be rewired, and so corrected, later.
     """
-    points = np.random.default_rng(seed).uniform(0.0, 1.0, (80, 2))
-    grown = [points[:n] for n in range(10, 81, 5)]
+    # Large enough that a node with a branch is rewired: of 80 nodes one tree in 250 has none.
+    points = np.random.default_rng(seed).uniform(0.0, 1.0, (160, 2))
+    grown = [points[:n] for n in range(10, 161, 5)]
     return max(invariants.tree_error(part, *rewired(part, wrong)) for part in grown)
 
 
