@@ -389,8 +389,8 @@ class IKResult:
         reason: "solved"; "unreachable": the target is farther from the base than the arm can
             stretch, or nearer than it can fold; "stuck": no step helps, or several steps in a row
             gain too little, though the Jacobian has its full rank, so another start may succeed;
-            "singularity": the same, and the Jacobian has lost rank; "limit": the same, and a joint
-            is held at its limit; "iterations": they ran out. That of the best posture.
+            "singularity": the same, and the Jacobian has lost rank, or nearly; "limit": the same,
+            and a joint is held at its limit; "iterations": they ran out. That of the best posture.
         distance, angle: from the tip at q to the target [m, rad].
         iterations: steps of all starts together.
         starts: how many were used.

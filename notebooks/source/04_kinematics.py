@@ -547,9 +547,9 @@ for name, r in (
     )
 
 # %% [markdown]
-# On each edge the two solutions merge into one. In the simulation below, dashed arms show the exact solutions. The
-# target is out of reach at first: both dashed arms are then stretched, and the arm hides them. Drag the target inside
-# the ring, and they separate. The tip glows red when it is close to the edge.
+# On each edge of this ring the two solutions merge into one. In the simulation below, dashed arms show the exact
+# solutions. At first the target is out of reach: both are stretched, and the arm hides them. Drag the target inside the
+# ring, and they separate. The tip glows red when it is close to the edge.
 
 # %%
 simulation("arm", "Target out of reach")
@@ -617,9 +617,9 @@ show("singular_stretched_or_folded")
 # %% [markdown]
 # Two numbers measure how close a posture is to a singularity. The **manipulability** $\sqrt{\det JJ^\mathsf{T}}$
 # (Yoshikawa 1985) is the product of all singular values (with at least as many joints as rows), because $\det
-# JJ^\mathsf{T} = \det(U\,\mathrm{diag}(s^2)\,U^\mathsf{T})$. Scale an arm down, and its manipulability shrinks in
-# every posture. The **condition number** $s_{\max}/s_{\min}$ is the ratio of the largest to the smallest. For
-# position rows alone it doesn't depend on the size of the arm. With rotation rows it has a weakness.
+# JJ^\mathsf{T} = \det(U\,\mathrm{diag}(s^2)\,U^\mathsf{T})$. With revolute joints it shrinks with the size of the arm.
+# The **condition number** $s_{\max}/s_{\min}$ is the ratio of the largest to the smallest. For position rows and
+# revolute joints alone, it doesn't depend on the size of the arm. With rotation rows it has a weakness.
 
 # %%
 predict("millimetres")
@@ -730,7 +730,7 @@ show("damping_is_free")
 #
 # **Key insight.** The pseudo-inverse is dangerous near a singularity. Exactly at it, the lost direction has gain 0,
 # if the code treats a tiny $s$ as zero. Constant damping limits each step to $1/(2\lambda)$ times the error, but
-# leaves a part of the error in every direction.
+# each step leaves a part of the error in every direction.
 #
 # </div>
 #
@@ -999,19 +999,18 @@ more_claims("articulated_bodies_lose_fewer_digits")
 # %% [markdown]
 # ### Identification: what can torques tell about the masses?
 #
-# Each link has ten inertial numbers: its mass, three first moments (mass times centre of mass), and six second
-# moments about the origin of its frame (not about its centre of mass). Apart from friction, torques are *linear* in
-# all of them: $\tau = Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$ is the **regressor**. So you can move the arm,
-# record torques, and fit $\theta$ by least squares. But some numbers never show. The first axis of our arm is
-# vertical, so the weight of the first link never loads the motor, and of its inertia only the part about that axis
-# counts.
+# Each link has ten inertial numbers: its mass, three first moments (mass times centre of mass), and six second moments
+# about the origin of its frame. Apart from friction and motor inertias, torques are *linear* in all of them: $\tau =
+# Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$ is the **regressor**. So you can move the arm, record torques, and fit
+# $\theta$ by least squares. But some numbers never show. The first axis of our arm is vertical, so the weight of the
+# first link never loads the motor, and of its inertia only the part about that axis counts.
 
 # %%
 show("torques_tell_ten_numbers")
 
 # %% [markdown]
-# We sampled 60 random states (positions, velocities and accelerations), computed their torques without friction,
-# added noise, fitted $\theta$, and predicted the torques of new states:
+# We sampled 60 random states, computed their torques without friction and motor inertias, added noise, fitted $\theta$,
+# and predicted the torques of new states:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -1038,10 +1037,10 @@ print(
 print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]:.2f} kg")
 
 # %% [markdown]
-# The fit predicts torques to less than the noise. The mass of the first link never shows, so the minimum-norm
-# solution sets it to zero. The combinations that can be identified are the **base parameters** (Khalil and Dombre
-# 2002). As long as the base stays mounted as it is, a controller needs only these, and friction. On a real arm
-# friction is often the largest missing part, so fit it too. Chapter 8 fits both for two links.
+# The fit predicts torques to less than the noise. The mass of the first link never shows, so the minimum-norm solution
+# sets it to zero. The combinations that can be identified are the **base parameters** (Khalil and Dombre 2002). As long
+# as the base stays mounted as it is, a controller needs only these, motor inertias and friction. On a real arm friction
+# is often the largest missing part. Chapter 8 fits it too, for two links.
 #
 # ## 2 · Design: three levels and their rates
 #
@@ -1147,13 +1146,14 @@ source(kinematics.motion.columns, kinematics.inverse.gain)
 source(kinematics.null_space)
 
 # %% [markdown]
-# With these functions a basic IK loop takes only a few lines. It is the loop that most people write first, with half
-# of a damped step per iteration. The library's `ik` takes Levenberg-Marquardt steps and adds three things: it
-# enforces joint limits, it restarts from another posture when it gets stuck, and it says *why* it failed.
+# With these functions the IK loop that most people write first takes only a few lines, with half of a damped step per
+# iteration. The library's `ik` takes Levenberg-Marquardt steps and adds three things: it enforces joint limits, it
+# restarts from another posture when it gets stuck, and it says *why* it failed.
 #
 # Only the reason *unreachable* is a proof: the target is farther from the base than the arm can stretch, or nearer than
-# it can fold. The other reasons only say what stopped the best start: a joint at its limit (*limit*), a lost rank
-# (*singularity*), steps that gain too little at full rank (*stuck*), or the number of steps (*iterations*).
+# it can fold. The other reasons only say what stopped the best start: a joint at its limit (*limit*), a rank that is
+# (nearly) lost (*singularity*), steps that gain too little at full rank (*stuck*), or the number of steps
+# (*iterations*).
 
 # %%
 show("listing_reaches_its_target")
@@ -1382,9 +1382,10 @@ print(f"fewest steps for an error below 1e-6: {best.count:.0f} (remaining error 
 TradeOff(result)
 
 # %% [markdown]
-# Near the solution, the pseudo-inverse, the adaptive step and Levenberg-Marquardt about double the number of correct
-# digits in each step. In time, Levenberg-Marquardt is ahead only because our code solves a small linear system for it
-# and computes singular values for the others. (Points: the least of 15 times; thin lines: up to the upper quartile.)
+# Near a solution that is not singular, the pseudo-inverse and Levenberg-Marquardt about double the number of correct
+# digits in each step. So does the adaptive step where no singular value is below $\lambda$. In time,
+# Levenberg-Marquardt is ahead only because our code solves a small linear system for it and computes singular values
+# for the others. (Points: the least of 15 times; thin lines: up to the upper quartile.)
 #
 # The next chart compares an ordinary target with one exactly on the edge of the workspace of two links, where the
 # solution itself is singular:
@@ -1459,7 +1460,7 @@ figures(
 # ### What to pick
 #
 # * *Two joints and a point, three joints and a point with a direction of the hand, six with a wrist whose axes meet*:
-#   the closed form. It returns all solutions, without iterations and without a start.
+#   the closed form. It returns all solutions, if finitely many, without iterations or a start.
 # * *Following a path, at every tick*: one or two damped or adaptive steps from the last posture, checked by forward
 #   kinematics. With hard limits, a quadratic program.
 # * *Seven joints arranged like the Panda's*: the closed form at a few angles of the last joint, or the search of the
@@ -1481,10 +1482,11 @@ figures(
 # What does this damping cost? In the right-hand panel the folded arm is led past the hole around the base, one damped
 # step every 2 mm. (Even undamped, these paths stay below $w$.)
 #
-# With little damping the elbow folds, turns back and opens on its old side. More damping slows it down, and the error
-# grows. With enough damping the elbow passes through the folded posture to the other side instead. The joints then stay
-# slow, and the error falls again; closer to the hole, less damping is enough. Still stronger damping makes the tip miss
-# its points by up to centimetres:
+# * *Little damping*: the elbow folds, turns back and opens on its old side.
+# * *More*: it turns back more slowly, and the error grows.
+# * *Enough* (less is enough on a path closer to the hole): the elbow passes through the folded posture to the other
+#   side. The joints then stay slow, and the error falls again.
+# * *Still more*: the tip misses its points by up to centimetres.
 #
 # ![Joint speed against elbow bend and damping, and the tracking error that damping
 # costs](../docs/charts/damping_map.png)
@@ -1586,19 +1588,19 @@ print_figures("null_space_step", "exact", "damped")
 
 # %% [markdown]
 # A damped projector is $I - J^\mathsf{T}(JJ^\mathsf{T}+\lambda^2I)^{-1}J$. It lets a part of the step through to the
-# tip. In general, the drift of the tip per step is $O(h^2)$ with the exact projector (the black line $ch^2$ is hidden
-# by the measured one), $O(h^4)$ after one corrective IK step, and $O(h)$ with a damped projector. So use the exact
-# projector for the null space, and damping only for the task.
+# tip. In general, the drift of the tip per step is $O(h^2)$ with the exact projector (it hides the black line $ch^2$),
+# $O(h^4)$ after one corrective IK step, and $O(h)$ with a damped projector. Use the exact projector for the null space,
+# damping only for the task.
 #
 # ### Debugging table
 #
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *IK does not converge.* Test the code first: take a target that must work, forward kinematics of a
-# known posture, and start close by. Count the steps (a wrong $J$ needs many), and compare $J$ with central differences
-# in any case. If the code is right: Is the target reachable, within the reach *and the joint limits*? Does the solver
+# known posture, and start close by. Compare $J$ with central differences in any case: a wrong $J$ may cost only two
+# more steps. If the code is right: Is the target reachable, within the reach *and the joint limits*? Does the solver
 # succeed from twenty other starts? Is a joint at its limit where it stops? (If none is, constantly damped steps end
-# only where $s_{\min}$ is zero, whether or not the target is reachable.)
+# only where rows of $J$ depend on each other, whether or not the target is reachable.)
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1613,7 +1615,7 @@ print_figures("null_space_step", "exact", "damped")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The hand arrives, but the elbow is in an awkward position.* A 7-R arm has a curve of solutions,
-# and you got the one near your start. Add a secondary objective in the null space, such as elbow height. Take small
+# and the start decided which one you got. Add a secondary objective in the null space, such as elbow height. Take small
 # steps, correct the hand after each, and stop when the projected gradient vanishes.
 #
 # <details><summary>What people get wrong there</summary>
@@ -1636,9 +1638,9 @@ print_figures("null_space_step", "exact", "damped")
 # $\lvert J^\mathsf{T}e\rvert$ with $s_{\max}\lvert e\rvert$</td> <td>bend the elbow a little; another start</td></tr>
 # <tr><td>convergence gets slower and slower</td> <td>constant damping, and a target on the edge</td> <td>the ratio of
 # successive errors approaches one</td> <td>Levenberg-Marquardt</td></tr>
-# <tr><td>convergence is slow everywhere, although FK is right</td> <td>$J$ is wrong (tool offset, frame of the
-# angular rows)</td> <td>$J$ against central differences</td> <td>compute $J$ and error at one point, in one
-# frame</td></tr>
+# <tr><td>convergence is slow everywhere, although FK is right</td> <td>wrong $J$ (tool offset, frame of the
+# angular rows); shortened or damped steps</td> <td>$J$ against central differences</td> <td>compute
+# $J$ and error at one point, in one frame; full steps</td></tr>
 # <tr><td>the robot stops at a limit although IK converged</td> <td>limits not enforced, or off by a full turn</td>
 # <td>`within(chain, q)`</td> <td>limits in every step; restarts</td></tr>
 # <tr><td>the arm sags when it carries a load</td> <td>payload or gravity wrong in the model; no integral

@@ -132,13 +132,13 @@ def exact_accelerations(
 
 @claim(
     "The articulated-body algorithm loses fewer digits than a factorised mass matrix.",
-    "It does on long arms without a light tip whose links are not folded onto each other, there by "
-    "more than a factor of {clear:g} in the median. For planar rods at rest under random torques, "
-    "Cholesky's factors lose about {digits:.0f} digit more with {many:g} links in the median, and "
-    "about {digits_heavy:.0f} digits more if the last link weighs {factor:.0e} times as much as "
-    "the others. With {few:g} links the two are alike: the median errors differ by a factor of "
-    "about {ratio:.1f}. Neither algorithm escapes the conditioning: that weight costs the better "
-    "one about {lost:.0f} digits.",
+    "It does on long arms whose last link is not light and whose links are not folded onto each "
+    "other: the median error is then more than {clear:g} times smaller. For planar rods at rest "
+    "under random torques, Cholesky's factors lose about {digits:.0f} digit more with {many:g} "
+    "links in the median, and about {digits_heavy:.0f} digits more if the last link weighs "
+    "{factor:.0e} times as much as the others. With {few:g} links the two are alike: the median "
+    "errors differ by a factor of about {ratio:.1f}. Neither algorithm escapes the conditioning: "
+    "the heavy last link costs even the articulated-body algorithm about {lost:.0f} digits.",
     source="Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7 and 10",
 )
 def articulated_bodies_lose_fewer_digits(result):

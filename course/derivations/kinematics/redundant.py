@@ -23,8 +23,9 @@ def _null_vectors(J: np.ndarray) -> np.ndarray:
 
 @claim(
     "A 7-R arm has exactly one independent joint motion that leaves its hand at rest.",
-    "It has where J has full rank, since 7 - 6 = 1. With q2 = q5 = 0 and q3 a right angle the rank "
-    "is 5: two independent motions leave the hand at rest, and one motion of the hand is lost.",
+    "Where J has full rank there is exactly one, since 7 - 6 = 1. With q2 = q5 = 0 and q3 a right "
+    "angle the rank is 5: two independent motions leave the hand at rest, and one motion of the "
+    "hand is lost.",
 )
 def one_joint_to_spare(result):
     from course.kinematics import jacobian, null_space
@@ -44,7 +45,7 @@ def one_joint_to_spare(result):
     close = lost + result.rng.uniform(1e-5, 1e-3, (1, 60)) * np.eye(7)[:, [1]]
     result.statement_holds(
         (spare(lost) == 1).all(),
-        only_if="J has full rank there",
+        only_if="J has full rank in this posture",
         inside=[*(spare(q) == 1), *(spare(close) == 1)],
         outside=spare(lost) == 1,
     )
@@ -53,10 +54,11 @@ def one_joint_to_spare(result):
 
 @claim(
     "A motion in the null space of J leaves the tip where it is.",
-    "Only to first order. A step of length h moves the tip by about c h^2, where c is half the "
-    "length of the vector that the rate of J times the unit joint rate v makes. For the 7-R arm c "
-    "is {c_m:.3f} m in the median, or {drift_mm:.2f} mm in a step of {step_rad} rad. After one IK "
-    "step an error of order h^{order_after:.0f} remains, {left_um:.3f} um.",
+    "Only to first order. A step of length h along a unit vector v of the null space moves the "
+    "tip by about c h^2. Here c is half the length of (dJ/dt) v, for joints that move at the rate "
+    "v. For the 7-R arm c is {c_m:.3f} m in the median, or {drift_mm:.2f} mm in a step of "
+    "{step_rad} rad. After one IK step an error of order h^{order_after:.0f} remains, "
+    "{left_um:.3f} um.",
     ask=(
         "Along the null space, at a rate of 1, dJ/dt times the rate has the length a. How far does "
         "one joint step of length h move the tip, to leading order?",
@@ -268,13 +270,14 @@ def flow_samples_all(result):
 @claim(
     "Where joint velocities exceed their limits, clip each one: the hand follows as well as with a "
     "quadratic program.",
-    "Only where nothing has to be clipped; there both agree. On {paths:g} paths that the 7-R arm "
-    "can follow within its limits, with a cycle of {cycle_ms:g} ms, the largest error of the hand "
-    "is {clipped_mm:.0f} mm in the median with clipped velocities of the damped pseudo-inverse and "
+    "Both agree only while no limit is reached. On {paths:g} paths that the 7-R arm can follow "
+    "within its limits, with a cycle of {cycle_ms:g} ms, the largest error of the hand is "
+    "{clipped_mm:.0f} mm in the median with clipped velocities of the damped pseudo-inverse and "
     "{program_mm:.0f} mm with the quadratic program, in which the other joints make up for one at "
     "its limit. The program sees one cycle only: on a quarter of the paths it is more than "
     "{quarter_mm:.0f} mm off. Shortening all velocities by one factor keeps the direction of the "
-    "hand, but one joint at its limit stops the arm: {scaled_mm:.0f} mm.",
+    "hand, but a single joint that would have to pass its position limit stops the whole arm: "
+    "{scaled_mm:.0f} mm.",
 )
 def clipped_velocities(result):
     from course.charts.kinematics import differential

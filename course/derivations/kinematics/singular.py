@@ -332,11 +332,11 @@ def listing_reaches_its_target(result):
 @claim(
     "That listing converges even near singularities; if it does not, raise the damping.",
     "Away from the edges of the annulus it nearly always does. Of targets in the last centimetre "
-    "before the outer edge {outer_percent:.0f} % are reached in its hundred steps, of those in the "
-    "last tenth of a millimetre {edge_percent:.1f} %; with three times the damping "
-    "{more_percent:.1f} % of the first, with a third of it {less_percent:.0f} %. The step along a "
-    "direction shrinks with s / (s^2 + lambda^2), and lambda is what shrinks it. Beyond the "
-    "annulus it returns joint angles like any others, and no word that it failed.",
+    "before the outer edge {outer_percent:.0f} % are reached in its hundred steps, of those in "
+    "the last tenth of a millimetre {edge_percent:.1f} %. Three times the damping reaches only "
+    "{more_percent:.1f} % in the last centimetre, a third of it {less_percent:.0f} %. The step "
+    "along a direction shrinks with s / (s^2 + lambda^2), and lambda is what shrinks it. Beyond "
+    "the annulus it returns joint angles like any others, and no word that it failed.",
 )
 def listing_converges(result):
     def reached(low: float, high: float, damping: float = 0.1, steps: int = 100) -> float:
@@ -426,10 +426,11 @@ def condition_above_hundred(result):
 
 @claim(
     "The condition number of a Jacobian with position and rotation is a property of the posture.",
-    "Of the posture and of a length. Rows of position in metres beside rows of rotation in radians "
-    "have no common scale: with millimetres the same postures of the 7-R arm have "
-    "{factor:.0f} times the number in the median, from {least:.0f} to {most:.0f} times over nine "
-    "of ten. Say by which length the rows were divided; without rotation no length is needed.",
+    "It belongs to a posture and to a length that you choose. Rows of position in metres beside "
+    "rows of rotation in radians have no common scale: with millimetres the same postures of the "
+    "7-R arm have {factor:.0f} times the number in the median, from {least:.0f} to {most:.0f} "
+    "times over nine of ten. Say by which length the rows were divided. Position rows alone need "
+    "no length if all joints are revolute. With a sliding joint they need one too.",
 )
 def condition_needs_a_length(result):
     from course.kinematics import condition_number, jacobian
@@ -440,21 +441,29 @@ def condition_needs_a_length(result):
     result.measure("least", np.percentile(factor, 5), 0.05)
     result.measure("most", np.percentile(factor, 95), 0.05)
     position = np.moveaxis(J[:3], 2, 0)
+    # Chosen to break it: position rows alone, with a sliding joint, of an arm and of a smaller one.
+    q = result.rng.uniform(0.3, 2.8, (2, 20))
+    scara = np.zeros((2, 3, 3, 20))
+    scara[:, 2, 2] = 1.0
+    for k, scale in enumerate((1.0, 0.1)):
+        scara[k, :2, :2] = planar_jacobian(np.array(ARM) * scale, q)
+    large, small = np.linalg.cond(np.moveaxis(scara, 3, 1))
     result.statement = "4000 random postures; rows of position divided by 1 m and by 1 mm."
     result.statement_holds(np.allclose(factor, 1))
     result.correction_holds(
         np.median(factor) > 50,
         # Rows of one unit: any common scale cancels.
         np.allclose(np.linalg.cond(position), np.linalg.cond(1e3 * position)),
+        (small > 2 * large).all(),
     )
 
 
 @claim(
     "Where the Jacobian to Euler angles breaks down, the arm is singular.",
-    "Only the angles fail. Turn the frame that is painted on the hand, and nothing of the arm "
-    "changes, its geometric Jacobian included. But {near_deg:g} degree from a pitch of "
-    "+-{lock_deg:g} the Jacobian to yaw, pitch and roll has {factor:.0f} times the condition "
-    "number, in the median of random postures of the 7-R arm.",
+    "Only the angles fail. Choose other axes for the hand: the arm itself does not change, nor "
+    "does its geometric Jacobian. But {near_deg:g} degree from a pitch of +-{lock_deg:g} the "
+    "Jacobian to yaw, pitch and roll has {factor:.0f} times the condition number, in the median "
+    "of random postures of the 7-R arm.",
 )
 def euler_jacobian_locks(result):
     from dataclasses import replace
@@ -490,10 +499,11 @@ def euler_jacobian_locks(result):
 @claim(
     "When an IK loop that ignores the joint limits converges, its joint angles are usually within "
     "them.",
-    "For the pose, not for the arm: the usual loop, a tenth of each pseudo-inverse step and no "
-    "limits, converges from random starts on {there_percent:.1f} % of {poses:g} reachable poses "
-    "of the 7-R arm and ends within the limits on {within_percent:.1f} %. Hold the limits in every "
-    "step, and start again where that gets stuck: then {ours_percent:.1f} % are solved.",
+    "They reach the pose, but often with angles that the arm cannot take: the usual loop, a tenth "
+    "of each pseudo-inverse step and no limits, converges from random starts on "
+    "{there_percent:.1f} % of {poses:g} reachable poses of the 7-R arm and ends within the limits "
+    "on {within_percent:.1f} %. Hold the limits in every step, and start again where that gets "
+    "stuck: then {ours_percent:.1f} % are solved.",
 )
 def converged_within_limits(result):
     from course.kinematics import ik, tip, within

@@ -470,7 +470,9 @@ def tip_plans_need_joints(result):
     result.measure("hole_percent", 100 * (1 - stays.mean()), 1e-3)
     result.measure("rate", np.percentile(worst, 90), 1e-3)
     turned = np.hypot(*planar_tip(lengths, result.rng.uniform(-np.pi, np.pi, (2, 4000))))
-    result.statement = "1000 lines between random points of the annulus, 201 points on each."
+    result.statement = (
+        "1000 lines between points of the annulus at uniform distances, 201 points on each."
+    )
 
     def follows(arm: Floats, a: np.ndarray, b: np.ndarray, most: float = np.pi) -> bool:
         """Return whether one branch follows a line without a jump, the elbow within its stop."""

@@ -343,7 +343,8 @@ PRESETS = {
     "Follow the target": Preset(
         {},
         "Click anywhere, drag the target, or use the arrow keys. While the simulation plays, "
-        "the arm follows. Two arms reach the target (dashed); the steps find the nearer one. "
+        "the arm follows. Inside the ring two arms reach the target (dashed). The start decides "
+        "which one the steps find, and it is not always the nearer one. "
         "Green: how far the tip can move for joint rates of one.",
     ),
     "Stretched, target inward": Preset(

@@ -216,7 +216,8 @@ PRESETS = {
         "A step of inverse kinematics puts the tip back: from the square of h to its fourth power.",
     ),
     "Long steps, put back": Preset(
-        {"h": 0.1, "correct": True}, "Five times as long, and still nothing to be seen."
+        {"h": 0.1, "correct": True},
+        "The step is five times as long. With the correction you still cannot see the tip move.",
     ),
 }
 
