@@ -3,9 +3,9 @@
 The idea is that of VAMP (Thomason, Kingston and Kavraki, 2024, Motions in microseconds via
 vectorized sampling-based planning): 32 configurations that are spread over the whole edge are
 checked together, one number of each in one register, so that every instruction does the work of
-eight. A collision in any part of the edge is noticed by the first batches. All batches together are
-points along the edge at a spacing, like those of `capsules.sampled`: what lies between two points
-is not checked.
+eight. A collision that is long compared with the spacing of the first batch is noticed there, in
+whatever part of the edge. All batches together are points along the edge at a spacing, like those
+of `capsules.sampled`: what lies between two points is not checked.
 
 Robot and obstacles are simple, so that there are few branches: the arm is covered by spheres, and
 a sphere's distance from a box is a few comparisons. Two thirds of the trigonometry vanish, because

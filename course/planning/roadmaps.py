@@ -2,7 +2,8 @@
 
 A roadmap is free states and the edges between neighbours; of each edge it is known that it is free,
 that it is blocked, or not yet. A search asks only the edges on the way that it is about to answer
-with (Bohlin and Kavraki, 2000), so an obstacle that has moved costs a few edges, not all of them.
+with (Bohlin and Kavraki, 2000), so a new obstacle costs the checks of a few edges, not of all.
+If an obstacle has gone, what was blocked counts as not known again.
 
 Sources: PRM Kavraki, Svestka, Latombe and Overmars (1996); PRM* Karaman and Frazzoli (2011).
 """

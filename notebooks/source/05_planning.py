@@ -347,8 +347,8 @@ plt.show()
 # disc, a check point is in the enlarged one.
 #
 # **A worked example.** A post has a radius of 0.3 m, the points are 0.4 m apart. The enlarged radius is $\sqrt{0.09 +
-# 0.04} = 0.36$ m. So checking at points adds 6 cm to the radius of each post. For any other shape a margin of $s/2$,
-# here 20 cm, is always enough: no point of the edge is farther than that from a check point.
+# 0.04} = 0.36$ m. So checking at points adds 6 cm to the radius of each post. For a point robot and any other shape, a
+# margin of $s/2$, here 20 cm, is always enough: no point of the edge is farther than that from a check point.
 #
 # For a point robot among discs and polygons, check points are unnecessary: whether a segment meets a disc or a polygon
 # can be computed exactly. The chart shows the share of colliding edges that each method accepts, for a wall crossed at
@@ -675,7 +675,7 @@ more_claims("informed_rrt_star")
 # probabilistic roadmap; Kavraki and others 1996) is built in advance: sample free configurations, and connect each to
 # its nearest neighbours where the edge is free. To answer a **query**, one start with one goal, connect both to nearby
 # nodes, and search the graph. In **PRM\*** the number of neighbours grows with the logarithm of the number of nodes.
-# With a large enough factor its paths, too, converge to the optimum.
+# Under the conditions of RRT\* its paths, too, converge to the optimum.
 #
 # Most edges of a roadmap never appear in any answer, so why check them in advance? A **lazy** roadmap (Bohlin and
 # Kavraki 2000) assumes that all edges are free and checks only when it has to:
@@ -820,7 +820,8 @@ Markdown(f"{table(*rows).data}\n\n{joined} {both} {counts}")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Precompute what is known before the query arrives: the robot, the shelf, most of the free space. When
-# something has moved, check only the edges that the answer wants to use.
+# something has been added, check only the edges that the answer wants to use. When something has gone, recheck blocked
+# edges too.
 #
 # </div>
 
@@ -1230,8 +1231,9 @@ predict("first_of_ten_ideas")
 # they might solve more. Version 1 also stops after five seconds.
 #
 # The test has 100 queries that have a solution when nothing has moved. Version 1 was run on every 20th of them,
-# versions 2 to 4 on every 10th, the others on all. Each query was run once with the shelf unchanged (*still* in the
-# chart; the table shows only this case) and once with a ball in front of it (*moved*).
+# versions 2 to 4 on every 10th, the others on all. (Section 9 explains "32 points at a time".) Each query was run once
+# with the shelf unchanged (*still* in the chart; the table shows only this case) and once with a ball in front of it
+# (*moved*).
 #
 # The chart shows versions 5 to 12, which were run on all 100 queries: the median and the slowest query. A triangle at
 # the top edge means that at least one query stayed unsolved. If that is true of both *still* and *moved*, one triangle
@@ -1450,7 +1452,7 @@ plt.show()
 #
 # **Debugging tip.** *The planner finds no path.* Check in this order. (1) Are start and goal free in the planner's own
 # model of robot and scene? (2) Where is it narrow? Shrink the obstacles until a path appears; where it squeezes
-# through is your passage. (3) Try other step sizes, longer and shorter. (4) Use two trees. (5) Allow more samples, and
+# through is your passage. (3) Use two trees. (4) Try other step sizes, longer and shorter. (5) Allow more samples, and
 # place some in the passage. (6) Only then try another planner.
 #
 # <details><summary>What people get wrong</summary>
@@ -2042,8 +2044,8 @@ table(*rows)
 # gain. What would a *simple* method such as a grid search make of the same input? And how far is your world from those
 # of the training?
 #
-# A bad sampler can't make a path collide, because every edge is still checked. As long as uniform samples are mixed in,
-# it can only make the planner slow.
+# If every edge is checked exactly, a bad sampler can't make a path collide. As long as uniform samples are mixed in, it
+# can only make the planner slow.
 
 # %%
 more_claims("learned_sampler_speeds_up")
@@ -2187,8 +2189,8 @@ table(
 
 # %% [markdown]
 # At 0.05 rad and at this shelf, our batches beat the same points one by one, but not the proof. (With VAMP's spheres,
-# below, they do on free edges.) Batches have two limits. Larger spheres reject free edges (third plot). And a collision
-# can fall between two points.
+# used below, batches win on free edges.) Batches have two limits. Larger spheres reject free edges (third plot). And a
+# collision can fall between two points.
 #
 # Let $h$ be the spacing and $c$ the length of the stretch of the edge that collides. If $h \le c$, a point always hits.
 # If $h > c$, points with a random offset miss with probability $1 - c/h$. The fourth plot shows this for a pole 8 mm

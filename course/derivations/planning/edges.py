@@ -101,10 +101,9 @@ def edge_by_ten_points(result):
     other += [none_rejected_wrongly(radius) for radius in (0.02, 0.05)]
     result.statement_holds(
         share == 0.0,
-        only_if="the edge is straight, every disc is first enlarged to the radius "
-        "sqrt(r^2 + s^2 / 4), where s is the largest distance between neighbouring check points, "
-        "both ends of the edge are among these points, and free edges that pass a disc closely may "
-        "be rejected",
+        only_if="the edge is straight, both of its ends are check points, every disc is enlarged "
+        "to the radius sqrt(r^2 + s^2 / 4), and free edges that pass a disc closely may be "
+        "rejected (s is the largest distance between neighbouring check points)",
         inside=inside,
         outside=outside + open_ended + other,
     )

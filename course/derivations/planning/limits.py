@@ -113,14 +113,14 @@ def _tight():
 
 @claim(
     "Slow plans at the tight shelf are slow more because of the query than because of the seed.",
-    "There {between:.0%} of the variance of the logarithm of the samples of "
-    "RRT-Connect lies between queries, the rest between seeds. So another seed helps somewhat: the "
-    "slowest tenth of the runs took {slow:.0f} samples in the median, and with other seeds the "
-    "same queries take {again:.0f}. But that is still far above the median of all runs, "
-    "{all:.0f}. What makes a query hard is the way out of the compartment. The share of random "
-    "steps of one radian that leave the worse end freely has a rank correlation of {out:.2f} with "
-    "the samples; the clearance there has {clear:.2f}. The half of the queries with the smaller "
-    "share takes {hard:.0f} samples in the median, the other half {easy:.0f}.",
+    "There {between:.0%} of the variance of the logarithm of the samples of RRT-Connect lies "
+    "between queries, the rest between seeds. So another seed helps somewhat: the slowest tenth "
+    "of the runs took {slow:.0f} samples in the median, and with other seeds the same queries "
+    "take {again:.0f}. But that is still far above the median of all runs, {all:.0f}. What makes "
+    "a query hard is the way out of the compartment. Take the end that is harder to leave, and "
+    "count how many random steps of one radian are free there: the fewer, the more samples (rank "
+    "correlation {out:.2f}; for the clearance there {clear:.2f}). The half of the queries with "
+    "fewer free steps takes {hard:.0f} samples in the median, the other half {easy:.0f}.",
 )
 def slow_plans_are_slow_questions(result):
     from scipy import stats

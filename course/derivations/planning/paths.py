@@ -282,8 +282,8 @@ def shortcut_share(result):
 
 @claim(
     "Trajectory optimisers such as CHOMP and TrajOpt can get stuck in local minima.",
-    "In a scene crowded with discs, {starts:.0f} initial guesses led over one via point each, "
-    "anywhere in the square, also inside a disc. With covariant "
+    "In a scene crowded with {discs:.0f} discs, {starts:.0f} initial guesses were tried, each two "
+    "straight lines through a random point of the square, also inside a disc. With covariant "
     "gradient steps, as in CHOMP, {chomp:.0%} of them ended in collision; with sequential convex "
     "steps, as in TrajOpt, {trajopt:.0%}. After twice as many further iterations {still:.0%} of "
     "these results still collide. In the median they cost at least {worse:.2f} times as much as "
@@ -329,6 +329,7 @@ def optimisers_get_stuck(result):
                     end.path, requested.world, margin=0.1, points=20, **(options | more)
                 )
                 later.append(not check_path(requested.world, again.path))
+    result.measure("discs", len(requested.world.obstacles))
     result.measure("still", np.mean(later), 0.1)
     result.measure("worse", min(worse), 0.1)
     result.statement = "One world of discs that RRT-Connect solves from every seed."
@@ -419,17 +420,17 @@ def shortcut_leaves_corners(result):
 @claim(
     "A motion that respects its acceleration limits at every point of a fine grid respects them in "
     "between.",
-    "On a line, or a parabola in its own parameter s, q'' is constant between two grid points, so "
-    "the joint acceleration is linear in s there, and largest at an end. If both ends are "
-    "constrained, its largest ratio to the limit over {times:.0f} times is {both:.4f}. A test at "
-    "the first points alone leaves the other ends free: with {coarse:.0f} intervals per rounded "
-    "corner the acceleration exceeds its limit by {over:.0%}, with {fine:.0f} by {over_fine:.1%}. "
-    "On a circular arc q'' turns: with {few:.0f} intervals per quarter circle, both ends "
-    "constrained, the limit is exceeded by up to {over_arc:.1%}. And if s is the arc length, q'' "
-    "is not constant on a parabola either: at even speed, across a vertex where it turns by a "
-    "right angle, the excess is {over_even:.0%}. Rates need a bound of their own: on a parabola a "
-    "rate that is at its limit at both ends can exceed it in between, by {over_rate:.0%} in one "
-    "example.",
+    "On a line, or a parabola in its own parameter s, q'' is constant between two grid points. So "
+    "the joint acceleration is linear in s there, and largest at an end. With both ends "
+    "constrained, its largest ratio to the limit over {times:.0f} times is {both:.4f}. With only "
+    "the first end of each interval constrained, it exceeds the limit by {over:.0%} with "
+    "{coarse:.0f} intervals per rounded corner, and by {over_fine:.1%} with {fine:.0f}. On other "
+    "curves both ends are not enough. On a circular arc q'' turns: the excess is up to "
+    "{over_arc:.1%} with {few:.0f} intervals per quarter circle. On a parabola in its arc length "
+    "q'' is not constant either: the excess is {over_even:.0%} at even speed, over an interval "
+    "around the vertex that turns by a right angle. Rates need a bound of their own: on a "
+    "parabola a rate that is at its limit at both ends can exceed it in between, by "
+    "{over_rate:.0%} in one example.",
     source="Pham and Pham, A new approach to time-optimal path parameterization (TOPP-RA), 2018",
 )
 def limits_between_grid_points(result):

@@ -215,10 +215,12 @@ def ompl_defaults(result):
 
 @claim(
     "The configuration space of an arm with six joints has six dimensions.",
-    "An open chain has one dimension per joint, {six:.0f} here. The coordinates of the tip's pose "
-    "don't matter: the seven-joint arm has {seven:.0f} dimensions, although a pose has 6. But the "
-    "space is not simply a box. A joint without limits wraps around, and a planner that takes its "
-    "angle for a plain number turns by {way_deg:.0f} degrees to get from {from_deg} to {to_deg}.",
+    "An open chain on a fixed base has one dimension per joint, {six:.0f} here. Joints that are "
+    "coupled count once, and a base that drives about on a floor adds {base:.0f}. The coordinates "
+    "of the tip's pose don't matter: the seven-joint arm has {seven:.0f} dimensions, although a "
+    "pose has 6. But the space is not simply a box. A joint without limits wraps around, and a "
+    "planner that takes its angle for a plain number turns by {way_deg:.0f} degrees to get from "
+    "{from_deg} to {to_deg}.",
 )
 def one_dimension_a_joint(result):
     from course import planning
@@ -230,9 +232,40 @@ def one_dimension_a_joint(result):
     ends = result.input("from_deg", 170), result.input("to_deg", -170)
     answer = planning.plan(planning.planar_arm([1.0]), *np.radians([ends]).T)
     result.measure("way_deg", np.degrees(answer.cost))
+
+    def freedom(coupled=0, wheels=False):
+        """Return in how many independent ways a planar arm with six joints can move.
+
+        Args:
+            coupled: how many joints turn in proportion to the one before, as in a finger.
+            wheels: whether the base moves on the floor.
+        """
+        # A shift along x, one along y, and the turns of the base and of the joints.
+        free = np.eye(9)[:, 0 if wheels else 3 :]
+        for k in range(9 - coupled, 9):
+            free[k] = result.rng.uniform(0.5, 2.0) * free[k - 1]
+        headings = np.tril(np.ones((7, 7))) @ free[2:]  # of the base and of each link
+        angles = np.cumsum(result.rng.uniform(-np.pi, np.pi, 7))
+        ends = np.exp(1j * angles) * result.rng.uniform(0.2, 1.0, 7)
+        moves = free[0] + 1j * free[1] + np.cumsum(1j * ends[:, None] * headings, axis=0)
+        return int(np.linalg.matrix_rank(np.vstack((headings, moves.real, moves.imag))))
+
+    result.measure("base", freedom(wheels=True) - freedom())
+    # Chosen to break it: a finger whose last joints are coupled, and an arm on wheels.
+    others = [freedom(coupled=k) == 6 for k in (1, 1, 2, 2)]
+    others += [freedom(wheels=True) == 6 for _ in range(4)]
     result.statement = "Arms with one to eight links; one joint without obstacles."
-    result.statement_holds(dims[5] == 6)
-    result.correction_holds(dims == list(range(1, 9)), np.degrees(answer.cost) > 300)
+    result.statement_holds(
+        all(others),
+        only_if="the base is fixed, and each joint has one axis and moves on its own",
+        inside=[freedom() == 6 for _ in range(8)],
+        outside=others,
+    )
+    result.correction_holds(
+        dims == list(range(1, 9)),
+        np.degrees(answer.cost) > 300,
+        all(freedom(coupled=k) == 6 - k for k in range(6)),
+    )
 
 
 def _tip_world(rng, radius):

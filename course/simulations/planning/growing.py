@@ -463,7 +463,7 @@ PRESETS = {
         },
         "Press Play, or Step and Plan below the picture. Drag start, goal and obstacles; drag the "
         "rim of an obstacle to resize it; click on free ground to add one. Try the other "
-        "planners, and then Shortcut.",
+        "planners, and then Shortcut: this button only joins corners of the path.",
     ),
     "Narrow gap": Preset(
         {"step": 1.0, "pieces": _placed((8.8, 2.9, 0.25, 2.9), (8.8, 7.6, 0.25, 1.4))},
@@ -520,8 +520,8 @@ READOUTS = {
     "path length": "Length of the present path.",
     "length before shortcuts": "Length of the path when it was found, before shortcutting.",
     "path edges in collision": (
-        "Edges of the path that a fine collision check finds in collision: the planner's check "
-        "was too coarse."
+        "Edges of the path that an exact check finds in collision: the planner's check was too "
+        "coarse."
     ),
 }
 
