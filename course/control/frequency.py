@@ -2,8 +2,9 @@
 
 Feed a sine into the loop, cut at the command: what comes back, with the minus sign of the feedback
 taken off, is the open loop L. Once the loop is closed, S = 1 / (1 + L) says what is left of a
-disturbance, and T = L / (1 + L) what arrives of a set-point. Both come from the exact response of
-the sampled loop (`course.control.sampled.open_loop`), with its hold and its delay.
+disturbance, and T = L / (1 + L) how much of the sensor's noise the joint follows, and of the
+set-point if P, I and D all act on the error. Both come from the exact response of the sampled loop
+(`course.control.sampled.open_loop`), with its hold and its delay.
 
 Astrom and Murray, Feedback Systems, describes the loop and its sensitivities; Sung and Hara,
 Properties of sensitivity and complementary sensitivity functions in single-input single-output

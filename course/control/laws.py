@@ -65,7 +65,8 @@ def pd_gravity(
 ) -> Array:
     """Return the torques of `pd` plus gravity compensation.
 
-    At a target at rest it has no steady error.
+    At a target at rest it has no steady error if the model of gravity is right and neither a load
+    nor dry friction acts.
     """
     here = np.asarray(q, dtype=float)
     zero = np.zeros(here.shape)

@@ -514,7 +514,8 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
         delay: of the loop [s].
 
     Raises:
-        ValueError: if there is none: without friction no gain holds, and some hold for ever.
+        ValueError: if there is no such gain: without friction every gain is unstable, and some
+            loops are stable at every gain.
     """
     plant = held(A, B, dt, delay)
     if len(plant.now) < 2:
@@ -592,7 +593,7 @@ def force_limit(damping: float, wall: float, lateness: float) -> float:
 
 
 def passive_stiffness(damping: float, dt: float, delay: float = 0.0) -> float:
-    """Return the largest wall stiffness that an arm's own damping keeps passive.
+    """Return the largest stiffness of an undamped controller that an arm's friction keeps passive.
 
     It is 2 b / (dt + 2 delay).
 

@@ -533,13 +533,13 @@ plt.show()
 # </details>
 #
 # **Saturation** means that the command is at the torque limit. While it is there, a larger error or a higher gain
-# changes nothing. So only a stronger motor helps.
+# gives no more torque. What helps is a stronger motor, a slower motion, or a plan that contains the limit.
 #
 # <details><summary>From where a weak motor can catch a pendulum</summary>
 #
-# In the map, the motor of an upright pendulum has half of the torque that would hold it horizontal. The controller
-# pushes against the sum angle + rate$/\sqrt{g/l}$ ($g$ is gravity, $l$ the length), which is the part of the motion
-# that grows by itself. Purple states are caught, orange ones are lost. On the border, full torque only just stops the
+# In the map, the motor of an upright pendulum has half of the torque that would hold it horizontal. The motion of a
+# falling pendulum has a growing and a decaying part. The growing part is the sum angle + rate$/\sqrt{g/l}$ ($g$ is
+# gravity, $l$ the length), and the controller pushes against this sum. Purple states are caught, orange ones are lost. On the border, full torque only just stops the
 # fall. Beyond it no controller can stop the fall: it would have to let the pendulum fall and swing it up again. (The
 # steps of the border are those of the grid.)
 #
@@ -554,9 +554,9 @@ figures(read("saturation_region"), summary="Largest angle at rest, computed and 
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Add up the delays of a loop: half a sample for the hold, the computing time, and the communication.
-# The D term has further delays: half a sample if the rate is a difference, and about the time constant of its filter.
-# Together with inertia and friction, these delays limit the gain of a rigid joint, so compute this limit before you
-# tune. The **resonance** of an elastic gear, at which motor and arm swing against each other, often lowers it further.
+# The D term has further delays: half a sample if the rate is a difference, and that of its filter, which is about its
+# time constant $\tau$ for oscillations slower than $1/\tau$, and less for faster ones. Together with inertia and
+# friction, these delays limit the gain of a rigid joint, so compute this limit before you tune. The **resonance** of an elastic gear, at which motor and arm swing against each other, often lowers it further.
 #
 # </div>
 
@@ -1183,8 +1183,8 @@ plt.show()
 simulation("probe")
 
 # %% [markdown]
-# With a set-point inside the wall, the hand comes to rest where the controller's spring and the wall push equally
-# hard. The same force runs through both springs, and their deflections add up to the depth of the set-point. **Worked
+# With a set-point inside the wall, and without dry friction or a torque limit, the hand comes to rest where the
+# controller's spring and the wall push equally hard. The same force runs through both springs, and their deflections add up to the depth of the set-point. **Worked
 # example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force is 5 N.
 #
 # Now push the hand a little away from its position of rest. Both springs push it back. So for a vibration the
@@ -1292,8 +1292,8 @@ _ = axes[0].legend(fontsize=9, title="controller")
 plt.show()
 
 # %% [markdown]
-# So where the controller is already much softer than what the arm hits, an even softer one does not lower the first
-# peak. It lowers the force with which the arm presses afterwards. Against the first peak, reduce the speed or the mass
+# So where the controller is already much softer than what the arm hits, an even softer one hardly changes the first
+# peak, as long as the set-point is not far inside at the touch. It lowers the force with which the arm presses afterwards. Against the first peak, reduce the speed or the mass
 # $m$, or pad the hand; against the bounces (right), add damping.
 
 # %%
@@ -1481,9 +1481,9 @@ predict("delay_predicted")
 # *observer with delay* has the delay in its model. *Half the delay* predicts only 5 of the 10 ms.
 #
 # Compare the errors at equal noise. The predictors are no better than PD with the same feed-forward: their model does
-# not know the missing 10 %, or the load step. The cascade has the smallest error (on the right, the observer without
-# the delay in its model equals it). But it becomes unstable earlier than the observer with delay, which reaches a
-# smaller error at more noise:
+# not know the missing 10 %, or the load step. The cascade has the smallest error. In the right chart, the observer
+# without the delay in its model is as good. The observer with delay remains stable with faster poles. There, at more
+# noise, its error is smaller than the smallest of the cascade:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1502,12 +1502,12 @@ predict("delay_predicted")
 # does, only an error of the model limits $g$.
 #
 # **Smith predictor.** The command is $-K\hat x$, and $\hat x$ is the state carried over the commands under way. If
-# delay and model are exact, $\hat x$ is the state at which the command acts. The polynomial of the loop is then that
-# of $A - BK$ times a power of $z$. The model does not know a load, so an error remains under it. Smith's original
+# delay and model are exact, $\hat x$ is the state at which the command acts. The eigenvalues of the loop are then those
+# of $A - BK$ and zeros. The model does not know a load, so an error remains under it. Smith's original
 # block diagram runs the model beside the plant. For a joint, which integrates, this leaves an eigenvalue at 1.
 #
-# **Notch.** Its gain is smallest at the resonance. It lags below its frequency and leads above it. Tuned too high, it
-# adds lag exactly where the elastic joint has its largest gain:
+# **Notch.** Its gain is smallest at the resonance. It lags below its frequency and leads above it. Tuned more than a
+# few per cent too high, it does harm: it adds lag exactly where the elastic joint has its largest gain:
 #
 # ![Delay error that a predictor stands, and frequency error of a notch](../docs/charts/structure_limits.png)
 #
@@ -1695,10 +1695,11 @@ Markdown("\n".join(lines))
 # * Only gravity is known: PD with gravity compensation.
 # * Good model, known load: PD with feed-forward is the usual start. Computed torque with half-sample preview has a
 #   smaller error here, but all of its torque depends on measurements.
-# * Unknown load torque: an I term or a disturbance observer.
+# * Unknown constant load torque: an I term or a disturbance observer.
 # * Unknown payload on a moving arm: identify it, or use adaptive control with bounds on its estimate.
-# * The command reaches the torque limit, or the cost is not a tracking error: plan ahead. Use MPC if a linear model is
-#   good enough, otherwise MPC with the nonlinear model. Where no gradient helps, as often in contact, use MPPI.
+# * The command will meet a torque limit later, as when a fast motion has to brake, or the cost is not a tracking error:
+#   plan ahead. Use MPC if a linear model is good enough, otherwise MPC with the nonlinear model. Where no gradient
+#   helps, as often in contact, use MPPI.
 #
 # ## 7 · Debug: what a simulator hides
 #
@@ -1828,9 +1829,10 @@ plt.show()
 # so small that the command stays below the limit. If only the large step overshoots, the motor cannot brake in time:
 # plan a slower motion.
 #
-# Otherwise switch the I term off. If the overshoot goes away, the I term was too large for the P term. If it stays,
-# look at the delay margin. If the margin is large, raise $K_d$ or lower $K_p$. If it is small, remove delay or lower
-# the gains.
+# Otherwise switch the I term off. If the overshoot goes away, the I term causes it: lower $K_i$, raise $K_p$, or let
+# the set-point change gradually. If it stays, look at the delay margin. If the margin is small, remove delay or lower
+# the gains. If it is large and the step starts from rest, raise $K_d$ or lower $K_p$. But if a load or a speed at the
+# start carries the joint past its target, a lower $K_p$ lets it go farther: feed the load forward, or raise both gains.
 #
 # <details><summary>A common mistake</summary>
 #
@@ -2023,6 +2025,12 @@ check(mppi_step)
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
 #
 # </details>
+#
+# Some of the next claims are about walking and about touch. In the **linear inverted pendulum**, a mass at constant
+# height $z$ runs away from its foot at the rate $w = \sqrt{g/z}$. The **capture point** is where the next foot has to
+# be for the mass to come to rest above it. A **momentum observer** computes the external torque from the motor torques
+# and the momentum, through a first-order filter with the gain $K$ (in 1/s). Its output is called the **residual**. The
+# robot has noticed a touch once the residual passes a threshold.
 
 # %%
 more_claims(

@@ -196,8 +196,8 @@ def friction_loss_holds(result):
 @claim(
     "A force loop that is stable on a simulated contact is stable on that wall.",
     "In a MuJoCo contact with constraint impedance d (from solimp), a mass m moves like m/(1 "
-    "- d), and the fraction d of the command goes straight to the contact force. While ke (D "
-    "+ dt/2) (1 - d)/d/2 is below the arm's friction, a loop is stable there up to a gain of "
+    "- d), and the fraction d of the command goes straight to the contact force. If ke (D + dt/2) "
+    "(1 - d)/(2 d) < b, with the arm's friction b, a loop is stable there up to a gain of "
     "about 1/d, whatever the wall. At {ke:.0e} N/m with {delay_ms:.0f} ms of delay the "
     "wall's limit is {wall:.3f}. MuJoCo gives {spring:.3f} for a spring, {soft:.3f} for a "
     "contact with d = {soft_d:g}, and {default:.2f} with the default of {default_d:g}: "

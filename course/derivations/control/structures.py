@@ -74,8 +74,9 @@ def cascade_beats_pid(result):
 @claim(
     "A Smith predictor takes the delay out of the loop, so its gains can be chosen as if there "
     "were no delay.",
-    "With the exact delay and model the characteristic polynomial is that of the loop without "
-    "delay, times a power of z. That is true of a predictor that starts from the measured state. "
+    "With the exact delay and model, the loop's matrix has the eigenvalues of the loop without "
+    "delay, and further ones that are zero. That is true of a predictor that starts from the "
+    "measured state. "
     "Smith's original one runs a model beside the plant, which leaves the plant's own eigenvalues "
     "in the loop, so an unstable plant stays unstable. An aggressive design depends on the delay. "
     "For both poles at -{p:g}/s and an assumed delay of {late:g} ms, PD alone is unstable. The "
@@ -183,8 +184,9 @@ def smith_removes_the_delay(result):
     "The filter has a limit. Around PD with both poles at -{p:g}/s and a delay of {late:g} ms, an "
     "observer that ignores the delay is stable up to {ignored:.0f} rad/s. With the delay in its "
     "model and the exact inertia none was found up to {most:.0f} rad/s, but with twice the inertia "
-    "it is {double:.0f} rad/s. Without PD and friction, the limit of an observer that ignores a "
-    "delay of n samples is where its filter takes over a share of 2 sin(pi/(4 n + 2)) in a sample. "
+    "it is {double:.0f} rad/s. Without PD and friction, an observer that ignores a delay of n "
+    "samples reaches its limit where the filter takes over the share 2 sin(pi/(4 n + 2)) of a new "
+    "disturbance within one sample. "
     "Below the limit a constant load leaves no error: {rest:.0e} rad of {plain:.3f} rad.",
     source="K. Ohnishi, M. Shibata, T. Murakami, Motion control for advanced mechatronics, 1996; "
     "S. A. Levin, R. M. May, A note on difference-delay equations, 1976",

@@ -202,8 +202,8 @@ def adaptive_finds_parameters(result):
     "Adaptive control is proved stable: a sum of squares, of the tracking error and of the "
     "parameter error, can only fall.",
     "In continuous time it can only fall. A sampled controller corrects its estimate with "
-    "the error of the last sample, and the sum does not fall below what the hold leaves: a start "
-    "on the motion itself raises it. From {far:.1f} rad off the motion, with the true "
+    "the error of the last sample. And the hold leaves a small tracking error: if the arm starts "
+    "closer to the motion than that, the sum grows. From {far:.1f} rad off the motion, with the true "
     "parameters as a start, the sum grows {coarse:.1f} times within the first second at "
     "{coarse_hz:.0f} Hz. At {fine_hz:.0f} Hz it falls to {fine:.2f} of its start. At "
     "{slow_hz:.0f} Hz an offset of {near:.1f} rad is enough to lose control of the arm. With "
@@ -465,10 +465,14 @@ def axes_of_a_surface(result):
     "controller, also at a wall whose position is not known exactly.",
     "The force depends on how deep the set-point is inside the wall. A surface {off_mm:g} mm "
     "nearer changes the force by {soft:+.1f} N with K = {K:g} N/m and by {stiff:+.1f} N with "
-    "{K_stiff:g} N/m, as two springs in series do. With force control and admittance control the "
-    "change is at most {loop:.0e} N.",
+    "{K_stiff:g} N/m, as two springs in series do. Admittance control with a virtual spring "
+    "does the same: {virtual:+.1f} N with a spring of {hold:g} N/m. With force control, and with "
+    "admittance control that has a desired force and no virtual spring, the change is at most "
+    "{loop:.0e} N.",
 )
 def impedance_holds_a_force(result):
+    from dataclasses import replace
+
     from course.charts.control import touch
     from course.control import TouchLaw
 
@@ -481,6 +485,13 @@ def impedance_holds_a_force(result):
     result.measure("K_stiff", 1.0 / (deviation / pushed - 1.0 / touch.WALL))
     loops = [abs(touch.surface_error(touch.REGIMES[n], deviation)) for n in ("force", "admittance")]
     result.measure("loop", np.max(loops) // 1e-3 * 1e-3 + 1e-3)
+    # Chosen to break it: a virtual spring between the set-point and the virtual mass. Such an
+    # admittance rests where its spring, the inner loop's and the wall's carry one force.
+    give = touch.REGIMES["admittance"]
+    springs = (result.input("hold", 200.0), 1000.0, 4000.0)
+    held = [touch.surface_error(replace(give, hold=k), deviation) for k in springs]
+    series = [deviation / (1 / k + 1 / give.stiffness + 1 / touch.WALL) for k in springs]
+    result.measure("virtual", held[0], 1e-3)
     # Stiffnesses over two decades against two springs in series.
     draws = 10 ** result.rng.uniform(1.7, 3.6, 8)
     laws = [TouchLaw(k, 2 * np.sqrt(k * touch.ARM.mass)) for k in draws]
@@ -493,4 +504,5 @@ def impedance_holds_a_force(result):
             for law in laws
         ),
         np.max(loops) < 0.1 * touch.surface_error(soft, deviation),
+        np.allclose(held, series, rtol=1e-3),
     )

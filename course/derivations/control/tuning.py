@@ -115,9 +115,8 @@ def p_alone_overshoots(result):
     calm += [over(draws[0, 0], draws[0, 1], share, dry=0.6) for share in (2.0, 20.0)]
     result.statement_holds(
         over(J, B, 0.9) > 0,
-        only_if="kp is above b^2/(4*J), or above the lower gain that a delay allows, or the start "
-        "towards the target is faster than the distance times the decay rate of the faster pole; "
-        "and neither a load nor dry friction stops the joint short of the target",
+        only_if="kp is above b^2/(4*J) (less with a delay) or the joint starts fast enough towards "
+        "the target, and neither a load nor dry friction stops it short",
         inside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, above, strict=True)]
         + [over(d[0], d[1], 0.95, late=1.0) > 0 for d in draws[:4]]
         + [over(d[0], d[1], 0.9, speed=2.0) > 0 for d in draws[:4]]

@@ -267,7 +267,8 @@ PRESETS = {
     "Z-N, P": Preset({**_BARE, "kp": 0.5 * _KU}, "Half of the ultimate gain for the stated delay."),
     "Z-N, PI": Preset(
         {**_BARE, "kp": 0.45 * _KU, "ki": 0.54 * _KU / _TU},
-        "The joint is an integrator already. With one integral more it is unstable.",
+        "The joint is an integrator already. With one integral more, this delay and no D, it is "
+        "unstable.",
     ),
     "Z-N, PID": Preset(
         {**_BARE, "kp": 0.6 * _KU, "ki": 1.2 * _KU / _TU, "kd": 0.075 * _KU * _TU},

@@ -198,11 +198,11 @@ PRESETS = {
     ),
     "Stiff by friction alone": Preset(
         {"stiffness": 0.95 * _PASSIVE, "damping": 0.0},
-        "Up to K = 2 b/(dt + 2 D) the arm's own friction keeps it stable at any wall.",
+        "Up to K = 2 b/(dt + 2 D) the arm's own friction keeps it stable at any passive wall.",
     ),
     "A little stiffer": Preset(
         {"stiffness": 1.1 * _PASSIVE, "damping": 0.0},
-        "Above that limit it is unstable. Now raise B, slowly.",
+        "Above that limit it is unstable at this wall. Now raise B, slowly.",
     ),
     "Too much damping": Preset(
         {"damping": 1000.0, "delay": 7.0},
@@ -224,7 +224,7 @@ PRESETS = {
     ),
     "Admittance, too light": Preset(
         {"controller": ADMITTANCE, "damping": 20.0, "mass": 0.5, "wall": 5.0},
-        "A stiffer wall needs a heavier virtual mass. Raise it.",
+        "A stiffer wall needs a heavier virtual mass or more damping. Raise one of them.",
     ),
 }
 
