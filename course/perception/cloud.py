@@ -531,7 +531,8 @@ def inverse_depth_plane(
     """Return the plane of a picture by one linear fit, shape (4,).
 
     Along a plane 1 / z = a x + b y + c over the normalised pixels. A stereo sensor's noise is even
-    in 1 / z, so that the fit is the best there is and has no bias to first order.
+    in 1 / z, so that the fit needs no weights and has no bias to first order. If that noise is
+    white, it is the best linear fit.
 
     Args:
         depth: shape (H, W) [m].

@@ -374,8 +374,8 @@ def locate(
         table: (nx, ny, nz, d) [m], with the normal to either side: the camera is above it; None
             to find the largest plane.
         standing: whether the part stands on the table with its z up, so that only place and turn
-            are free; else it may lie anyhow. A part that leans by 3 to 4 degrees and is located as
-            standing is mostly reported as "found", although the pose is up to 6 mm off (claim
+            are free; else it may lie anyhow. A part that leans by 3 degrees and is located as
+            standing is mostly reported as "found", although the pose is up to 3 mm off (claim
             `not_looked_through_is_right`). Where parts may lean, pass False.
         starts: turns to start from, evenly over the period of the part.
         least: pixels that a cluster needs.

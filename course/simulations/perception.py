@@ -578,8 +578,8 @@ PRESETS = {
     ),
     "Symmetric part": Preset(
         {"pieces": _placed((*_ROUND, -0.06, 0.03, 0.0), (*_BLOCK, 0.08, 0.0, 0.4))},
-        "The picture is the same however the can is turned: not "
-        "seen, which is another thing than a small number. Pick part 2.",
+        "The picture is the same however the can is turned, so its turn is not seen: the variance "
+        "is infinite, not just large. Pick part 2.",
     ),
     "Two planes": Preset(
         {"pieces": _placed((*_BLOCK, -0.1, 0.0, 0.4), (BOX, 0.12, 0.16, 0.012, 0.12, 0.03, 0.0))},

@@ -539,9 +539,9 @@ plt.show()
 #
 # In the map, the motor of an upright pendulum has half of the torque that would hold it horizontal. The motion of a
 # falling pendulum has a growing and a decaying part. The growing part is the sum angle + rate$/\sqrt{g/l}$ ($g$ is
-# gravity, $l$ the length), and the controller pushes against this sum. Purple states are caught, orange ones are lost. On the border, full torque only just stops the
-# fall. Beyond it no controller can stop the fall: it would have to let the pendulum fall and swing it up again. (The
-# steps of the border are those of the grid.)
+# gravity, $l$ the length), and the controller pushes against this sum. Purple states are caught, orange ones are lost.
+# On the border, full torque only just stops the fall. Beyond it no controller can stop the fall: it would have to let
+# the pendulum fall and swing it up again. (The steps of the border are those of the grid.)
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 #
@@ -554,9 +554,10 @@ figures(read("saturation_region"), summary="Largest angle at rest, computed and 
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Add up the delays of a loop: half a sample for the hold, the computing time, and the communication.
-# The D term has further delays: half a sample if the rate is a difference, and that of its filter, which is about its
-# time constant $\tau$ for oscillations slower than $1/\tau$, and less for faster ones. Together with inertia and
-# friction, these delays limit the gain of a rigid joint, so compute this limit before you tune. The **resonance** of an elastic gear, at which motor and arm swing against each other, often lowers it further.
+# The D term is later still: by half a sample if the rate is a difference, and by its filter. A filter with the time
+# constant $\tau$ delays oscillations that are slow compared with $1/\tau$ by about $\tau$, and faster ones by less.
+# Together with inertia and friction, these delays limit the gain of a rigid joint, so compute this limit before you
+# tune. The **resonance** of an elastic gear, at which motor and arm swing against each other, often lowers it further.
 #
 # </div>
 
@@ -1184,8 +1185,9 @@ simulation("probe")
 
 # %% [markdown]
 # With a set-point inside the wall, and without dry friction or a torque limit, the hand comes to rest where the
-# controller's spring and the wall push equally hard. The same force runs through both springs, and their deflections add up to the depth of the set-point. **Worked
-# example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force is 5 N.
+# controller's spring and the wall push equally hard. The same force runs through both springs, and their deflections
+# add up to the depth of the set-point. **Worked example:** both have 1000 N/m, and the set-point is 10 mm deep. Each
+# spring yields by 5 mm, so the force is 5 N.
 #
 # Now push the hand a little away from its position of rest. Both springs push it back. So for a vibration the
 # stiffness is the sum $K + k_e$, where $k_e$ is that of the wall.
@@ -1293,8 +1295,9 @@ plt.show()
 
 # %% [markdown]
 # So where the controller is already much softer than what the arm hits, an even softer one hardly changes the first
-# peak, as long as the set-point is not far inside at the touch. It lowers the force with which the arm presses afterwards. Against the first peak, reduce the speed or the mass
-# $m$, or pad the hand; against the bounces (right), add damping.
+# peak, as long as the set-point is not far inside at the touch. It lowers the force with which the arm presses
+# afterwards. Against the first peak, reduce the speed or the mass $m$, or pad the hand; against the bounces (right),
+# add damping.
 
 # %%
 more_claims("stiff_control_hurts")

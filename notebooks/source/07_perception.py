@@ -181,9 +181,9 @@ plt.show()
 
 # %% [markdown]
 # *Above: the six stages and what each one passes on. Below: the main error of each, in this chapter's experiments.
-# Orange points are avoidable mistakes. Blue points remain when you work carefully; which of the two in stage 5
-# depends on the camera (section 1). Hollow points are limits: a lower part disappears in the noise of the table, and
-# two parts with a smaller gap become one cluster.*
+# Orange points are avoidable mistakes. Blue points remain when you work carefully. Stage 5 has two of them; which one
+# applies depends on whether the camera's pixels share their noise (section 1). Hollow points are limits: a lower part
+# disappears in the noise of the table, and two parts with a smaller gap become one cluster.*
 #
 # The noise of a single pixel is not far below the 2 mm that the gripper allows. The pose is far more accurate, because
 # it averages thousands of pixels. The two largest errors don't come from the noise of the image. One is the age of the
@@ -278,8 +278,8 @@ show("small_parts_have_few_pixels")
 #
 # The cell below uses **`locate`**, this chapter's complete pipeline. It takes a depth image, the camera (its
 # intrinsics), the sensor (its noise) and the shape of a known part. It returns a list of estimated poses, each with a
-# **status** that says what the caller may do with it: *found* means that the pose may be used. We remove a tenth of the
-# pixels and mark them first with 0, then with NaN:
+# **status**: *found* means that no test of the image objects to the pose. Some wrong poses pass all tests (section 3).
+# We remove a tenth of the pixels and mark them first with 0, then with NaN:
 
 # %% tags=["hide-code"]
 missing = np.random.default_rng(1).random(noticed.shape) < 0.1
@@ -559,8 +559,8 @@ plt.show()
 # ### The table: RANSAC
 #
 # To find what stands on the table, you first need the table. A least-squares plane through *all* points is too high and
-# tilted, because the parts pull at it. **RANSAC** (random sample consensus, Fischler and Bolles 1981) avoids this by
-# guessing and voting:
+# tilted, because the parts pull at it. **RANSAC** (random sample consensus, Fischler and Bolles 1981) mostly avoids
+# this by guessing and voting:
 #
 # 1. Sample three points and compute the plane through them.
 # 2. Count the points whose distance from the plane is at most the **plane tolerance**. Each is an **inlier**.
@@ -593,9 +593,9 @@ plt.show()
 # *RANSAC in two dimensions: two sampled points (circles) define a line. Points within the plane tolerance (dashed) are
 # its inliers (orange).*
 #
-# How many samples do you need? Let a share $w$ of the points lie on the table. Three random points all lie on it with
-# probability $w^3$, and $n$ samples all fail with probability $(1 - w^3)^n$. If at least one sample is to succeed with
-# probability $P$, this must equal $1 - P$. Solve for $n$:
+# How many samples do you need? Let a share $w$ of the points lie on the table. If there are many points, three random
+# ones all lie on it with probability $w^3$, and $n$ samples all fail with probability $(1 - w^3)^n$. If at least one
+# sample is to succeed with probability $P$, this must equal $1 - P$. Solve for $n$:
 #
 # $$n = \frac{\log(1 - P)}{\log(1 - w^3)} .$$
 #
@@ -640,7 +640,7 @@ show("inverse_depth_is_better")
 # The fit of $1/z$ gains most from many pixels. RANSAC without a refit stays far less accurate, even with 300 samples.
 # Three noisy points make a tilted plane, and of many such planes the one with the most inliers leans towards the box,
 # to take in some of its points. And the largest plane may be a wall. So check: is it where the calibration puts the
-# table? Does its normal, the direction perpendicular to it, point up?
+# table? Does its normal, the direction perpendicular to it, agree with that of the table?
 #
 # ### One cluster per part: DBSCAN and connected components
 #
@@ -652,7 +652,8 @@ show("inverse_depth_is_better")
 #
 # In a depth image there is a faster method. A **connected component** is a set of adjacent pixels whose depths differ
 # by less than a given limit from one pixel to the next. If the limit is too large, neighbouring parts are joined. If it
-# is too small, one part is cut in two at a steep face.
+# is too small, one part is cut in two at a steep face. Whatever the limit, parts that touch at equal depth are one
+# component, and a part behind another one may be two.
 #
 # How many neighbours should DBSCAN require? You can calculate it. Take a flat face with one point per voxel, and let
 # $v$ be the edge of a voxel. A disc of radius $\epsilon$ (`eps`) on this face holds about $\pi\epsilon^2/v^2$ points.
@@ -662,7 +663,8 @@ show("inverse_depth_is_better")
 show("fifty_neighbours")
 
 # %% [markdown]
-# So the points at an edge need a limit below half of $\pi\epsilon^2/v^2$. Require a third, for example.
+# So the points at an edge need a limit below half of $\pi\epsilon^2/v^2$. For parts that are wider than `eps`, require
+# a third, for example. Smaller parts need less.
 
 # %% tags=["hide-code"]
 points, pixels = perception.back_project(noticed, EYE)
@@ -927,7 +929,8 @@ predict("which_number_tells")
 
 # %% [markdown]
 # A small residual says that the measured points lie on the model. It says nothing about parts of the model where
-# nothing was measured. But where the camera sees the *table*, there cannot be an opaque part in between.
+# nothing was measured. But where the camera really measures the *table*, there cannot be an opaque part in between. (On
+# a shiny part, it may measure the mirror image of the table.)
 #
 # The **see-through** test uses this. Draw the model at its estimated pose into the image. Count the pixels in which the
 # part should be and the camera measured something clearly *behind* it. Divide by the number of all pixels of the model
@@ -1184,11 +1187,12 @@ more_claims("motions_calibrate_any_arm")
 print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "error")
 
 # %% [markdown]
-# For a part at rest, further images help. For a moving one, the mean shows where the part *was*, so only the mean of
-# very few images helps, or none. A prediction removes most of the error of the moving part. Here the filter expects too
-# large an error, because it allows for accelerations that these parts don't make. The overview's prediction has less
-# noise, 0.2 mm, but a larger error: its filter allows for ten times the acceleration, so its velocity follows the
-# noise.
+# For a part at rest, further images help if their errors are independent and zero on average, as here. For a moving
+# one, the mean shows where the part *was*, so only the mean of very few images helps, or none. A prediction removes
+# most of the error of the moving part. Here the filter expects too large an error, because it allows for accelerations
+# that these parts don't make. In the chart of the six stages at the top of this page, the prediction starts from poses
+# with only 0.2 mm of noise. Its error is larger all the same, because its filter allows for ten times the acceleration,
+# so its velocity follows the noise.
 
 # %%
 more_claims("averaging_pictures_helps")
@@ -1213,6 +1217,10 @@ more_claims("averaging_pictures_helps")
 # spread. Its median over the runs should be 1.39 (dotted).*
 #
 # </details>
+#
+# Two of the next claims are about an **IMU**, which measures accelerations and, with its gyroscope, angular rates.
+# **Preintegration** combines all its samples between two images into one relative motion: the increments of rotation,
+# velocity and position in the axes of the first image.
 
 # %%
 more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
@@ -1229,7 +1237,8 @@ more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
 #
 # <table>
 # <tr><th>question</th> <th>estimate</th> <th>needs</th> <th>leaves open</th></tr>
-# <tr><td>is anything there?</td> <td>pixels above the plane</td> <td>plane, noise</td> <td>what it is</td></tr>
+# <tr><td>is anything there that is higher than the plane tolerance?</td> <td>pixels above the plane</td> <td>plane,
+# noise</td> <td>lower parts; what it is</td></tr>
 # <tr><td>where to push or apply suction?</td> <td>centroid</td> <td>a cluster</td> <td>where the part's own middle
 # is</td></tr>
 # <tr><td>which space to keep clear?</td> <td>box around the cluster</td> <td>a cluster</td> <td>its hidden
@@ -1775,9 +1784,10 @@ figures(
 #
 # **Debugging tip.** *The pose is noisy from image to image.* Let the part rest, and compare the spread of its poses
 # with the reported standard deviation. Equal: the sensor's noise; average if the part rests, filter if it moves. Larger
-# by up to $w$ times, for a window of $w$ pixels: shared noise that the covariance ignores. Smaller: the covariance is
-# cautious, or part of the error is the same in every image, which averaging does not remove. Jumps between two values:
-# the part is symmetric, or two starts fit equally well.
+# by up to $w$ times, for a window of $w$ pixels: perhaps shared noise that the covariance ignores. Larger by any
+# factor: the fit uses closest points, and noisy points are closest to a hidden face (section 3). Smaller: the
+# covariance is cautious, or part of the error is the same in every image, which averaging does not remove. Jumps
+# between two values: the part is symmetric, or two starts fit equally well.
 #
 # <details><summary>What people get wrong here</summary>
 #
@@ -1801,8 +1811,8 @@ figures(
 # <td>a known length at two distances; a known table</td> <td>calibrate it</td></tr>
 # <tr><td>pose good, grasp next to the part</td>
 # <td>extrinsics, or an old pose</td> <td>touch a point far from the calibration's</td> <td>more points,
-# motions about two axes; predict</td></tr> <tr><td>small residual, wrong pose</td> <td>another face, a twin, cut
-# off</td> <td>see-through, what is left over, the image border</td> <td>more starts; another view; a
+# motions about two axes; predict</td></tr> <tr><td>small residual, wrong pose</td> <td>a face of the same shape, a
+# twin, cut off</td> <td>see-through, what is left over, the image border</td> <td>more starts; another view; a
 # push</td></tr> </table>
 #
 # </details>

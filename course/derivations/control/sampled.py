@@ -33,8 +33,8 @@ def _edge(kp, kd, **loop):
 
 @claim(
     "A joint with friction is stable under P control at any gain.",
-    "That is true in continuous time without a delay. A held command is half a sample late. With w from w "
-    "tan(w (D + dt/2)) = b/J the largest gain is {formula}: {held_n_m_per_rad:.0f} N m/rad "
+    "That is true in continuous time without a delay. A held command is half a sample late. With w "
+    "from w tan(w (D + dt/2)) = b/J the largest gain is {formula}: {held_n_m_per_rad:.0f} N m/rad "
     "for J = {inertia:g}, b = {damping:g} at {rate_hz:.0f} Hz, and {late_n_m_per_rad:.1f} "
     "with {delay_ms:g} ms of delay. The rule agrees with the eigenvalue of the exact loop to "
     "{worst:.1e} here. Without delay it is {coarse:.0%} off where a sample is as long as J/b.",

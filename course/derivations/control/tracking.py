@@ -203,8 +203,8 @@ def adaptive_finds_parameters(result):
     "parameter error, can only fall.",
     "In continuous time it can only fall. A sampled controller corrects its estimate with "
     "the error of the last sample. And the hold leaves a small tracking error: if the arm starts "
-    "closer to the motion than that, the sum grows. From {far:.1f} rad off the motion, with the true "
-    "parameters as a start, the sum grows {coarse:.1f} times within the first second at "
+    "closer to the motion than that, the sum grows. From {far:.1f} rad off the motion, with the "
+    "true parameters as a start, the sum grows {coarse:.1f} times within the first second at "
     "{coarse_hz:.0f} Hz. At {fine_hz:.0f} Hz it falls to {fine:.2f} of its start. At "
     "{slow_hz:.0f} Hz an offset of {near:.1f} rad is enough to lose control of the arm. With "
     "the estimate limited to between half and twice the true parameters, control is lost in "

@@ -105,7 +105,7 @@ def voxels_remove_small_parts(result):
     "the voxels end up in clusters, because the means of a few points scatter and some get more "
     "neighbours. With more points per voxel they scatter less, and it is {dense:.0%}. Of a tilted "
     "face, which has {tilted:.0f} neighbours, all do, and of a part of {small_mm:.0f} mm none. A "
-    "third of the formula finds them all.",
+    "third of the formula finds the large face and the small part completely.",
     ask=(
         "A flat face lies along a grid of voxels with edge v. How many are within r of one?",
         "pi*(r/v)^2",

@@ -176,10 +176,10 @@ def bias_to_first_order(result):
     result.statement = "Half a second of samples at 200 Hz, with biases changed in any direction."
     result.statement_holds(
         remaining_large < bound,
-        only_if="the change of the gyroscope's bias times the interval is a small angle: below "
-        "{angle:.2f} rad it leaves less than {bound:.0%} of the largest correction of the velocity "
-        "that a change of this size can need, unless the measured accelerations almost cancel over "
-        "the interval, as near free fall",
+        only_if="the change of the gyroscope's bias times the interval is a small angle, and the "
+        "measured accelerations do not almost cancel over the interval, as near free fall. Below "
+        "{angle:.2f} rad the remaining error is then less than {bound:.0%} of the largest velocity "
+        "correction for a bias change of this size",
         # Chosen to break it: a sensor that spins ten times as fast, and a change about the axis
         # that needs the smallest correction.
         inside=[share(angle * u / seconds) < bound for u in shares]

@@ -73,9 +73,9 @@ def kabsch_without_determinant(result):
     result.statement = "Fits of 12 noisy points, and of 4, flat and thick, beside SciPy's."
     result.statement_holds(
         flat == 0,
-        only_if="the noise is too small to mirror the points. For a dozen points or more, a "
-        "thinnest spread of {least:.0f} times the noise is enough: then less than one fit in a "
-        "thousand is mirrored",
+        only_if="the noise is too small to mirror the points. For a dozen points or more, it is "
+        "enough that they spread by {least:.0f} times the noise (standard deviations) even in "
+        "their thinnest direction: then less than one fit in a thousand is mirrored",
         inside=[mirrored(least * (1 + x), int(12 + 20 * x), 2, 2000) < 1e-3 for x in draws[0]]
         # At the edge of the condition: a flat plate, a rod and a ball.
         + [mirrored(least, 12, axes) < 1e-3 for axes in ([2], [1, 2], [0, 1, 2])]

@@ -93,9 +93,10 @@ def averaging_removes_all(result):
     result.statement = "117,600 pixels of a wall between two steps, over noise and place."
     result.statement_holds(
         silent < 0.01,
-        only_if="the disparity is averaged, the only other error is Gaussian noise of zero mean, "
-        "new in each image, added before the rounding and above {least} of a step, and no pixel "
-        "falls out of the sensor's range; less than a hundredth of a step is left then",
+        only_if="the disparity is averaged, no pixel falls out of the sensor's range, and the only "
+        "other error is Gaussian noise of zero mean that is new in each image. This noise must be "
+        "added before the rounding and exceed {least} of a step. Less than a hundredth of a step "
+        "is left then",
         # Gaussian dither above the bound at random places between two steps.
         inside=[remaining(least + x, y) < 0.01 for x, y in draws.T]
         # Chosen to break it: the least noise at other steps of the disparity.

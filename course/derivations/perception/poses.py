@@ -57,10 +57,10 @@ def icp_comes_home(result):
     result.statement = "Prisms of 3, 4 and 6 sides, 1,200 points on one of 4,800."
     result.statement_holds(
         home(4, 1.3),
-        only_if="the start lies in the basin of the right pose. For point-to-plane ICP and a "
-        "regular prism of six sides at most, in place, with hundreds of points all around it, a "
-        "model of thousands and noise far below its size, the basin reaches to nine tenths of "
-        "pi/n at least",
+        only_if="the start lies in the basin of the right pose. For a regular prism that is turned "
+        "in place, the basin reaches to at least nine tenths of pi/n. Checked for: point-to-plane "
+        "ICP, up to six sides, hundreds of points from all sides, a model of thousands, and noise "
+        "far below the prism's size",
         # Chosen to break it: few points, turned to the other side, at the edge of the condition.
         inside=[home(n, 0.9 * x) for n, x in draws] + [sparse(n, -0.9) for n in (3, 6)],
         outside=[home(n, 1.1 + 0.5 * x) for n, x in draws]
@@ -289,7 +289,7 @@ def normal_matrix_is_covariance(result):
     images = int(result.input("images", 30))
     closest = result.measure("closest", laid_again(BOX, 0.0, 0.0, 1, False, images)[0], 0.4)
     rays = result.measure("rays", laid_again(BOX, 0.0, 0.0, 1, True, images)[0], 0.3)
-    result.statement = "30 noisy pictures of each view; squares per direction that is told."
+    result.statement = "30 noisy pictures of each view; squared error per observed direction."
     result.statement_holds(
         0.6 < closest < 1.6,
         only_if="points are compared along their rays, the noise is white, and no face of the part "
