@@ -485,9 +485,9 @@ for one in stored("pd_triangles")[0].series:
 predict("faster_loop")
 
 # %% [markdown]
-# Three estimates of the rate are common. The plain difference has the least lag of them and the most noise. A low-pass
-# filter averages the difference over about its time constant. A **tracking observer** predicts angle and rate one
-# sample ahead, and corrects both with the error of the predicted angle.
+# Three estimates of the rate are common. The plain difference has the least lag and the most noise. A low-pass filter
+# averages the difference over about its time constant. A **tracking observer** predicts angle and rate one sample
+# ahead, and corrects both with the error of the predicted angle.
 #
 # The chart compares the three at 1 kHz by their lag under a steady acceleration. At the same lag, the observer (green)
 # has less noise than the filter (orange). But it is of second order, so in fast motions its phase lag is larger. Before
@@ -533,7 +533,7 @@ plt.show()
 # </details>
 #
 # **Saturation** means that the command is at the torque limit. While it is there, a larger error or a higher gain
-# gives no more torque. What helps is a stronger motor, a slower motion, or a plan that contains the limit.
+# gives no more torque. A stronger motor helps, or a slower motion.
 #
 # <details><summary>From where a weak motor can catch a pendulum</summary>
 #
@@ -554,10 +554,10 @@ figures(read("saturation_region"), summary="Largest angle at rest, computed and 
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Add up the delays of a loop: half a sample for the hold, the computing time, and the communication.
-# The D term is later still: by half a sample if the rate is a difference, and by its filter. A filter with the time
-# constant $\tau$ delays oscillations that are slow compared with $1/\tau$ by about $\tau$, and faster ones by less.
-# Together with inertia and friction, these delays limit the gain of a rigid joint, so compute this limit before you
-# tune. The **resonance** of an elastic gear, at which motor and arm swing against each other, often lowers it further.
+# The D term has further delays: half a sample if the rate is a difference, and, in slow oscillations, about the time
+# constant of its filter. Together with inertia and friction, these delays limit the gain of a rigid joint, so compute
+# this limit before you tune. The **resonance** of an elastic gear, at which motor and arm swing against each other,
+# often lowers it further.
 #
 # </div>
 
@@ -996,9 +996,9 @@ more_claims("inertia_by_differences")
 # of these samples plus $x^\mathsf{T}Px$ of the last state, the cost of everything after it if no limit is reached
 # later.
 #
-# With a linear model, as here, this is a **quadratic program**: a quadratic cost with linear equations and limits.
-# Only the first command of the plan is used; the next sample computes a new plan. Here is a mass of 1 kg that starts 4
-# m from its target, with a motor of at most 1 N:
+# With a linear model this is a **quadratic program**: a quadratic cost with linear equations and limits. Only the first
+# command of the plan is used; the next sample computes a new plan. Here is a mass of 1 kg that starts 4 m from its
+# target, with a motor of at most 1 N:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.8), layout="constrained")
@@ -1240,15 +1240,15 @@ show("damping_is_safe")
 #
 # The upper left chart also shows MuJoCo. With a spring as the wall (crosses), the limit is right. Its soft contact is
 # set so that a resting hand sinks in as deep as into this spring. But a share $d$ of a change in the command appears in
-# the measured force before the hand moves. With $d$ = 0.9 (green; by default, `solimp` lets $d$ rise from there to 0.95
-# with the depth), the contact rejects gains that are fine at soft walls, and accepts far too high ones at stiff walls.
-# With $d$ = 0.02 (orange), the limit is nearly the wall's.
+# the measured force before the hand moves. With $d$ = 0.9 (green), the contact rejects gains that are fine at soft
+# walls, and accepts far too high ones at stiff walls. With $d$ = 0.02 (orange), the limit is nearly the wall's.
 #
 # <details><summary>Why the limit of a soft contact is different</summary>
 #
 # The force loop feeds the share $d$ back with the factor $-g\,d$, so above $g = 1/d$ the loop is unstable even at soft
 # walls. Only the rest of the force moves the hand, as if it were $1/(1 - d)$ times as heavy. With $d$ = 0.9 that is ten
-# times, so at stiff walls the loop through the wall is too weak.
+# times, so at stiff walls the loop through the wall is too weak. (By default, `solimp` lets $d$ rise from 0.9 to 0.95
+# with the depth.)
 #
 # </details>
 
@@ -1262,8 +1262,8 @@ more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_i
 predict("softer_hand")
 
 # %% [markdown]
-# Energy explains the answer. Let $m$ be the mass that the surface feels at the hand, in this pose and direction. It
-# comes from the links. Behind rigid gears the rotors count, too, with the square of the gear ratio.
+# Energy explains the answer. Let $m$ be the mass that the surface feels at the hand, in this pose and direction. Behind
+# rigid gears it contains the rotors, too, with the square of the gear ratio.
 #
 # This mass arrives with the energy $\tfrac12 m v^2$. Without damping, all of it is in the compressed surface at the
 # peak, $F^2/(2k_e)$. So the peak is
@@ -1294,10 +1294,9 @@ _ = axes[0].legend(fontsize=9, title="controller")
 plt.show()
 
 # %% [markdown]
-# So where the controller is already much softer than what the arm hits, an even softer one hardly changes the first
-# peak, as long as the set-point is not far inside at the touch. It lowers the force with which the arm presses
-# afterwards. Against the first peak, reduce the speed or the mass $m$, or pad the hand; against the bounces (right),
-# add damping.
+# So if the controller is already much softer than what the arm hits, and the set-point moves in with the hand, an even
+# softer one hardly changes the first peak. It lowers the force with which the arm presses afterwards. Against the first
+# peak, reduce the speed or the mass $m$, or pad the hand; against the bounces (right), add damping.
 
 # %%
 more_claims("stiff_control_hurts")
@@ -1426,7 +1425,7 @@ Markdown("\n".join(lines))
 #
 # A robot runs several loops inside each other, a **cascade**. You design the outer loop as if the inner one responded
 # at once. So the inner loop needs several times the bandwidth of the outer one, not necessarily a higher sample rate.
-# If both are of first order, four times is just enough to avoid overshoot (derived below). Typical sample rates:
+# If both are of first order, four times is just enough to avoid overshoot. Typical sample rates:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1480,13 +1479,13 @@ predict("delay_predicted")
 # motion; all loops except *PD* have a feed-forward of 90 % of the true torque. The right chart shows the error after a
 # load step of 1 N m. Along each curve the poles get faster, up to the last stable ones, and the torque noise grows.
 #
-# The *cascade* is a velocity loop with an I term inside a position loop. Multiplied out, it is a PID controller. The
-# *observer with delay* has the delay in its model. *Half the delay* predicts only 5 of the 10 ms.
+# The *cascade* is a velocity loop with an I term inside a position loop. The *observer with delay* has the delay in its
+# model. *Half the delay* predicts only 5 of the 10 ms.
 #
 # Compare the errors at equal noise. The predictors are no better than PD with the same feed-forward: their model does
-# not know the missing 10 %, or the load step. The cascade has the smallest error. In the right chart, the observer
-# without the delay in its model is as good. The observer with delay remains stable with faster poles. There, at more
-# noise, its error is smaller than the smallest of the cascade:
+# not know the missing 10 %, or the load step. The cascade has the smallest error; on the right, the observer without
+# the delay in its model is as good. The observer with delay stays stable with faster poles, where it reaches a smaller
+# error at more noise:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1700,9 +1699,8 @@ Markdown("\n".join(lines))
 #   smaller error here, but all of its torque depends on measurements.
 # * Unknown constant load torque: an I term or a disturbance observer.
 # * Unknown payload on a moving arm: identify it, or use adaptive control with bounds on its estimate.
-# * The command will meet a torque limit later, as when a fast motion has to brake, or the cost is not a tracking error:
-#   plan ahead. Use MPC if a linear model is good enough, otherwise MPC with the nonlinear model. Where no gradient
-#   helps, as often in contact, use MPPI.
+# * The command will meet a torque limit later, as in braking, or the cost is not a tracking error: plan ahead with MPC,
+#   on a linear or nonlinear model. Where no gradient helps, as often in contact, use MPPI.
 #
 # ## 7 · Debug: what a simulator hides
 #
@@ -1832,14 +1830,15 @@ plt.show()
 # so small that the command stays below the limit. If only the large step overshoots, the motor cannot brake in time:
 # plan a slower motion.
 #
-# Otherwise switch the I term off. If the overshoot goes away, the I term causes it: lower $K_i$, raise $K_p$, or let
-# the set-point change gradually. If it stays, look at the delay margin. If the margin is small, remove delay or lower
-# the gains. If it is large and the step starts from rest, raise $K_d$ or lower $K_p$. But if a load or a speed at the
-# start carries the joint past its target, a lower $K_p$ lets it go farther: feed the load forward, or raise both gains.
+# Otherwise switch the I term off. If the overshoot goes away, the I term causes it: lower $K_i$ or raise $K_p$. If it
+# stays, look at the delay margin. If the margin is small, remove delay or lower the gains. If it is large, and the step
+# starts from rest and no load pushes the joint past the target, raise $K_d$ or lower $K_p$.
 #
 # <details><summary>A common mistake</summary>
 #
-# Lowering $K_p$ while there is an I term. Far from the delay limit, that usually makes the overshoot larger.
+# Lowering $K_p$ while there is an I term. Far from the delay limit, that usually makes the overshoot larger. If a load,
+# or the speed at the start, carries the joint past its target, a lower $K_p$ also lets it go farther. Feed the load
+# forward, or raise both gains.
 #
 # </details>
 #
@@ -1868,8 +1867,7 @@ more_claims("overdamped_cure", "vibration_needs_softness")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# First do the drill `pid`: run `drills start pid` in a terminal. Ten graded exercises follow. `check` runs your
-# function on new random cases.
+# First do the drill `pid`: run `drills start pid` in a terminal. `check` runs your function on new random cases.
 #
 # ### A warm-up
 
@@ -2029,11 +2027,16 @@ check(mppi_step)
 #
 # </details>
 #
-# Some of the next claims are about walking and about touch. In the **linear inverted pendulum**, a mass at constant
-# height $z$ runs away from its foot at the rate $w = \sqrt{g/z}$. The **capture point** is where the next foot has to
-# be for the mass to come to rest above it. A **momentum observer** computes the external torque from the motor torques
-# and the momentum, through a first-order filter with the gain $K$ (in 1/s). Its output is called the **residual**. The
-# robot has noticed a touch once the residual passes a threshold.
+# <details><summary>Two models in the next claims: for walking, and for touch</summary>
+#
+# In the **linear inverted pendulum**, a mass at constant height $z$ runs away from its foot at the rate $w =
+# \sqrt{g/z}$. The **capture point** is where the next foot has to be for the mass to come to rest above it.
+#
+# A **momentum observer** computes the external torque from the motor torques and the momentum, through a first-order
+# filter with the gain $K$ (in 1/s). Its output is called the **residual**. The robot has noticed a touch once the
+# residual passes a threshold.
+#
+# </details>
 
 # %%
 more_claims(

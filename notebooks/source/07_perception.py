@@ -181,9 +181,9 @@ plt.show()
 
 # %% [markdown]
 # *Above: the six stages and what each one passes on. Below: the main error of each, in this chapter's experiments.
-# Orange points are avoidable mistakes. Blue points remain when you work carefully. Stage 5 has two of them; which one
-# applies depends on whether the camera's pixels share their noise (section 1). Hollow points are limits: a lower part
-# disappears in the noise of the table, and two parts with a smaller gap become one cluster.*
+# Orange points are avoidable mistakes. Blue points remain when you work carefully; which of the two blue ones in stage
+# 5 applies depends on the camera (section 1). Hollow points are limits: a lower part disappears in the noise of the
+# table, and two parts with a smaller gap become one cluster.*
 #
 # The noise of a single pixel is not far below the 2 mm that the gripper allows. The pose is far more accurate, because
 # it averages thousands of pixels. The two largest errors don't come from the noise of the image. One is the age of the
@@ -370,7 +370,7 @@ plt.show()
 # that can result.*
 #
 # To find the disparity, an algorithm searches where the two images match. Suppose that its error has a standard
-# deviation $s$ of a fraction of a pixel, the same at every distance. What does that do to the depth?
+# deviation $s$ of a fraction of a pixel, the same at every distance.
 
 # %%
 predict("twice_as_far")
@@ -602,9 +602,9 @@ plt.show()
 # **A worked example.** With half of the points on the table, $w^3 = 1/8$. For $P = 0.99$ you need $\log 0.01 / \log
 # 0.875$, which is about 35 samples.
 #
-# So the formula promises one sample of three table points. We want more. We say that a run *finds* the table if at
-# least 90% as many table points are within the tolerance of its plane as are within that of the *true* plane. Is a
-# plane through three table points already that good?
+# So the formula promises one sample of three table points. We say that a run *finds* the table if at least 90% as many
+# table points are within the tolerance of its plane as are within that of the *true* plane. Is a plane through three
+# table points already that good?
 
 # %%
 show("draws_find_the_plane")
@@ -638,9 +638,9 @@ show("inverse_depth_is_better")
 # Dotted: a tilt of 0.2 mm on 100 mm. Right: systematic offset of the plane against the noise.*
 #
 # The fit of $1/z$ gains most from many pixels. RANSAC without a refit stays far less accurate, even with 300 samples.
-# Three noisy points make a tilted plane, and of many such planes the one with the most inliers leans towards the box,
-# to take in some of its points. And the largest plane may be a wall. So check: is it where the calibration puts the
-# table? Does its normal, the direction perpendicular to it, agree with that of the table?
+# Of many tilted planes, the one with the most inliers leans towards the box, to take in some of its points. And the
+# largest plane may be a wall. So check: is it where the calibration puts the table, with the same normal (the direction
+# perpendicular to it)?
 #
 # ### One cluster per part: DBSCAN and connected components
 #
@@ -652,19 +652,19 @@ show("inverse_depth_is_better")
 #
 # In a depth image there is a faster method. A **connected component** is a set of adjacent pixels whose depths differ
 # by less than a given limit from one pixel to the next. If the limit is too large, neighbouring parts are joined. If it
-# is too small, one part is cut in two at a steep face. Whatever the limit, parts that touch at equal depth are one
-# component, and a part behind another one may be two.
+# is too small, one part is cut in two at a steep face. At any limit, touching parts of equal depth are joined, and
+# something in front may cut a part in two.
 #
-# How many neighbours should DBSCAN require? You can calculate it. Take a flat face with one point per voxel, and let
-# $v$ be the edge of a voxel. A disc of radius $\epsilon$ (`eps`) on this face holds about $\pi\epsilon^2/v^2$ points.
-# Around a point at the edge of the face, only half of the disc lies on it.
+# How many neighbours should DBSCAN require? Take a flat face with one point per voxel, and let $v$ be the edge of a
+# voxel. A disc of radius $\epsilon$ (`eps`) on this face holds about $\pi\epsilon^2/v^2$ points. Around a point at the
+# edge of the face, only half of the disc lies on it.
 
 # %%
 show("fifty_neighbours")
 
 # %% [markdown]
-# So the points at an edge need a limit below half of $\pi\epsilon^2/v^2$. For parts that are wider than `eps`, require
-# a third, for example. Smaller parts need less.
+# So the points at an edge need a limit below half of $\pi\epsilon^2/v^2$. For parts wider than `eps`, require a third,
+# for example.
 
 # %% tags=["hide-code"]
 points, pixels = perception.back_project(noticed, EYE)
@@ -929,13 +929,12 @@ predict("which_number_tells")
 
 # %% [markdown]
 # A small residual says that the measured points lie on the model. It says nothing about parts of the model where
-# nothing was measured. But where the camera really measures the *table*, there cannot be an opaque part in between. (On
-# a shiny part, it may measure the mirror image of the table.)
+# nothing was measured. But where the camera really measures the *table*, there cannot be an opaque part in between.
 #
 # The **see-through** test uses this. Draw the model at its estimated pose into the image. Count the pixels in which the
 # part should be and the camera measured something clearly *behind* it. Divide by the number of all pixels of the model
-# that have a measurement. If depths and calibration are right, this share is a few per cent at most for a right pose.
-# `locate` refutes a pose above a tenth.
+# that have a measurement. If calibration and depths are right (on a shiny part, depths may be wrong), this share is a
+# few per cent at most for a right pose. `locate` refutes a pose above a tenth.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.3), layout="constrained")
@@ -1125,7 +1124,7 @@ plt.show()
 # *The two paths: across and then down must equal down and then across.*
 #
 # Which motions you make matters more than how many. On a planar arm, all of them turn about the same axis. Then the
-# camera's position along this axis stays unknown, however many motions you make:
+# camera's position along this axis stays unknown:
 
 # %% tags=["hide-code"]
 print(
@@ -1188,11 +1187,10 @@ print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "error")
 
 # %% [markdown]
 # For a part at rest, further images help if their errors are independent and zero on average, as here. For a moving
-# one, the mean shows where the part *was*, so only the mean of very few images helps, or none. A prediction removes
-# most of the error of the moving part. Here the filter expects too large an error, because it allows for accelerations
-# that these parts don't make. In the chart of the six stages at the top of this page, the prediction starts from poses
-# with only 0.2 mm of noise. Its error is larger all the same, because its filter allows for ten times the acceleration,
-# so its velocity follows the noise.
+# one, the mean shows where the part *was*, so only the mean of very few images helps, or none.
+#
+# A prediction removes most of the error of the moving part. Here the filter expects too large an error, because it
+# allows for accelerations that these parts don't make.
 
 # %%
 more_claims("averaging_pictures_helps")
@@ -1216,11 +1214,11 @@ more_claims("averaging_pictures_helps")
 # errors of height and velocity. Then $e^\mathsf{T} P^{-1} e$ is their squared size, measured in units of the reported
 # spread. Its median over the runs should be 1.39 (dotted).*
 #
-# </details>
-#
-# Two of the next claims are about an **IMU**, which measures accelerations and, with its gyroscope, angular rates.
+# Two of the claims below are about an **IMU**, which measures accelerations and, with its gyroscope, angular rates.
 # **Preintegration** combines all its samples between two images into one relative motion: the increments of rotation,
 # velocity and position in the axes of the first image.
+#
+# </details>
 
 # %%
 more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
@@ -1237,8 +1235,8 @@ more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
 #
 # <table>
 # <tr><th>question</th> <th>estimate</th> <th>needs</th> <th>leaves open</th></tr>
-# <tr><td>is anything there that is higher than the plane tolerance?</td> <td>pixels above the plane</td> <td>plane,
-# noise</td> <td>lower parts; what it is</td></tr>
+# <tr><td>is anything higher than the plane tolerance?</td> <td>pixels above the plane</td> <td>plane, noise</td>
+# <td>what it is; lower parts</td></tr>
 # <tr><td>where to push or apply suction?</td> <td>centroid</td> <td>a cluster</td> <td>where the part's own middle
 # is</td></tr>
 # <tr><td>which space to keep clear?</td> <td>box around the cluster</td> <td>a cluster</td> <td>its hidden
@@ -1319,7 +1317,7 @@ table_of(*rows)
 # Eight images give only a rough size, so take *three times* the shift as a safe bound. Even if the effects are
 # independent, almost nothing of the 2 mm is left for calibration and age. If all push the same way, the bound is above
 # 2 mm. Most of it comes from pixels that mix two surfaces. The effects were not tried together, and real sensors have
-# others: matching windows that shift an edge, or drift with temperature.
+# others.
 #
 # ### Interfaces and answers
 #
@@ -1589,8 +1587,8 @@ simulation("perception", "Touching")
 # fitted to the last three points.*
 #
 # On the right, each point also gets more neighbours, so Open3D's DBSCAN grows nearly with the square. The course's
-# exponent is no law: in this range a fixed cost dominates. With more points, the time grows at least in proportion to
-# their number. After a voxel grid the density is constant; this case is the row *clusters* of the next chart.
+# exponent is no law: in this range a fixed cost dominates. After a voxel grid the density is constant; this case is the
+# row *clusters* of the next chart.
 
 # %%
 print_figures("cloud_speed", "voxels of 5", "plane, early", "course", "Open3D")
@@ -1785,9 +1783,10 @@ figures(
 # **Debugging tip.** *The pose is noisy from image to image.* Let the part rest, and compare the spread of its poses
 # with the reported standard deviation. Equal: the sensor's noise; average if the part rests, filter if it moves. Larger
 # by up to $w$ times, for a window of $w$ pixels: perhaps shared noise that the covariance ignores. Larger by any
-# factor: the fit uses closest points, and noisy points are closest to a hidden face (section 3). Smaller: the
-# covariance is cautious, or part of the error is the same in every image, which averaging does not remove. Jumps
-# between two values: the part is symmetric, or two starts fit equally well.
+# factor: points that are closest to a hidden face (section 3).
+#
+# Smaller: the covariance is cautious, or part of the error is the same in every image, which averaging does not remove.
+# Jumps between two values: the part is symmetric, or two starts fit equally well.
 #
 # <details><summary>What people get wrong here</summary>
 #
