@@ -4,7 +4,9 @@ Output error: simulate what was sent, compare with what was measured, move the p
 squares are least (Levenberg, 1944; Marquardt, 1963). All columns of a Jacobian are one batched
 rollout, beside the point that is tried.
 The error bars come from that Jacobian (Ljung, System Identification, 1999, ch. 9). They hold if the
-model is right, which the residual tells: it is white then.
+model and the time stamps are right, and the noise is zero on average and independent from sample to
+sample. A coloured residual shows that one of these is violated; a white one doesn't show that all
+of them hold.
 """
 
 from __future__ import annotations
@@ -114,7 +116,7 @@ class Fit(Visible):
     def half_width(self, level: float = 0.95) -> Array:
         """Return half the width of the intervals that hold the parameters in this share of logs.
 
-        The shape is (P,).
+        They do so under the assumptions at the top of this module. The shape is (P,).
         """
         from scipy.special import stdtrit
 
@@ -282,10 +284,11 @@ def excitation(
     free: Bounds,
     noise: float = 1e-3,
 ) -> dict[str, Visible]:
-    """Predict how well each of several logs would identify the parameters, the best one first.
+    """Predict how well each of several logs would identify the parameters.
 
-    Nothing needs to be measured: only the logs' commands count, and the parameters are those of
-    `start`.
+    The logs come in the order of their condition numbers. The log with the smallest errors may be
+    another one: compare the covariances. Nothing needs to be measured: only the logs' commands
+    count, and the parameters are those of `start`.
     """
     report = {}
     for name, log in logs.items():

@@ -1,9 +1,9 @@
 """Tuning a policy on simulated arms: on one, on a range of them, on ranges that open by themselves.
 
 The learner is the simplest there is, cross-entropy search over six gains, so that what a policy
-loses on the real arm comes from the arms that it was tuned on and from nothing else. What it
-lowers is the share of failures plus the share of the time outside the target: towards the fastest
-policy that succeeds in its simulator, which is how a policy overfits to a simulator.
+loses on the real arm comes from the arms that it was tuned on, apart from the luck of the search.
+What it lowers is the share of failures plus the share of the time outside the target: towards the
+fastest policy that succeeds in its simulator, which is how a policy overfits to a simulator.
 """
 
 from __future__ import annotations

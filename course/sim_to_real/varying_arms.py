@@ -10,7 +10,8 @@ and Li (1987). They differ in where its estimate of the arm comes from:
   torque. It learns from the teacher's truth on its own rollouts: the second phase of RMA (Kumar,
   Fu, Pathak and Malik, Rapid motor adaptation for legged robots, 2021).
 
-The best of many fixed gain sets, chosen for each arm after the fact, bounds every fixed gain set.
+The best of a list of fixed gain sets, chosen for each arm after the fact, bounds the sets in that
+list and no others.
 """
 
 from __future__ import annotations

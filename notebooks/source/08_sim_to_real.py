@@ -396,8 +396,8 @@ print(f"gains x 1.6: half of the reaches fail at {limited:.1f} ms;")
 print(f"with motors of a hundred times the torque at {without:.1f} ms")
 
 # %% [markdown]
-# Without the torque limit, half of the reaches fail even before the delay of the diamonds. These hold for an elbow bent
-# by 1.6 rad; a straighter arm tolerates less.
+# Without the torque limit, half of the reaches fail even before the limit with both joints free (diamonds, computed for
+# an elbow bent by 1.6 rad; a straighter arm tolerates less).
 
 # %%
 show("late_command")
@@ -473,7 +473,7 @@ plt.show()
 #    $Y$ is nonlinear).
 # 2. Use the integral (weak) form. Multiply the equation by a **test function** $\phi$, a smooth bump that is zero
 #    outside a short window, and integrate over the window. Integration by parts turns $\int\phi\,\ddot q\,dt$ into
-#    $\int\ddot\phi\,q\,dt$. So you differentiate the known bump, and not the noisy angle.
+#    $\int\ddot\phi\,q\,dt$. So you differentiate the known bump, not twice the noisy angle.
 # 3. Don't differentiate at all. The next method does this.
 #
 # ### Output error
@@ -490,8 +490,8 @@ plt.show()
 # **Gauss-Newton** steps: approximate $\hat y$ by a linear function with slope $J$, solve that least-squares problem,
 # and repeat at the new $\theta$.
 #
-# The function `fit` does this. It also reports the **half-width** of each parameter's 95 % confidence interval: if the
-# model is right, in 95 % of all logs the true value is no farther than this from the fitted one.
+# The function `fit` does this. It also reports the **half-width** of each parameter's 95 % confidence interval: if its
+# assumptions hold (see below), in 95 % of all logs the true value is no farther than this from the fitted one.
 
 # %% tags=["show-code"]
 # The simulation, the log, the starting guess, and the free parameters with their bounds.
@@ -585,38 +585,40 @@ print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio
 # only to about 9 %, so a ratio slightly below one can be chance.)
 #
 # Two complications are common. Signals of different kinds, such as angles and speeds, need weights: one over the
-# variance of each signal's noise. Wrong weights increase the scatter of the fits (left panel below).
+# variance of each signal's noise, if their noises are independent. Wrong weights increase the scatter of the fits (left
+# panel below).
 #
 # The other is a controller that runs during the log. Take a joint with the inertia $I$ and a noisy speed sensor. Its
 # acceleration is measured as the difference of two speed readings. A least-squares line of the accelerations over the
 # torques has the slope $1/I$. Without feedback, the noise scatters this slope but doesn't bias it.
 #
-# With feedback, suppose that one speed is read too high. The controller answers with less torque, and the difference to
-# the next reading is too small. So the noise lowers torque and acceleration *together*. Least squares takes this for an
-# effect of the torque, and $1/I$ comes out too large.
+# With feedback, suppose that one speed is read too high. If the controller reacts within the same sample, it answers
+# with less torque, and the difference to the next reading is too small. So the noise lowers torque and acceleration
+# *together*. Least squares takes this for an effect of the torque, and $1/I$ comes out too large.
 #
 # A longer log doesn't remove this bias (middle panel). A higher gain first raises it (right panel). At very high gains
-# it falls again: least squares divides by the mean square of the torque, and the noise now raises this mean square.
+# it falls again.
 #
-# Output error stays right if the sensor's noise is the only disturbance. So does the method of *instrumental
-# variables*. Its instrument is the part of the torque that was planned before the run: it moves the joint, but contains
-# no noise of the sensor. The mean of instrument times acceleration, over that of instrument times torque, estimates
-# $1/I$: in both, the noise averages out.
+# Output error stays right if the sensor's noise is the only disturbance and is independent from sample to sample. So
+# does the method of *instrumental variables*. Its instrument is the part of the torque that was planned before the run:
+# it moves the joint, but contains no noise of the sensor.
 #
 # <details><summary>Logs of several signals, and logs under a running controller: a run of each</summary>
 #
 # **Weights.** Our fit weighs all angles alike, because they have the same noise. A log with angles in rad *and* speeds
 # in rad/s needs weights: divide each signal's residual by the standard deviation of that signal's noise before you add
 # the squares. Let the diagonal matrix $W$ hold the weights, one over the square of what you divide by, and $\Sigma$ the
-# variances of the noise. Then the fit has the covariance
+# variances of the noise. If the noises are independent of each other, the fit has the covariance
 #
 # $$\operatorname{cov}\hat\theta = (J^\mathsf{T}WJ)^{-1}\,J^\mathsf{T}W\Sigma WJ\,(J^\mathsf{T}WJ)^{-1},$$
 #
-# which is the Cramér-Rao bound for $W = \Sigma^{-1}$ and larger for other weights (up to a common factor). In the left
-# panel below the weight of the speeds is wrong. The line is this formula, for the parameter that suffers most. The dots
-# are the scatter of 40 fits (bars: 95 % intervals). If the noise of the speeds is assumed 3 times too large or too
-# small, the scatter grows by about a half at most. The loss is limited on both sides, because the worst case is a fit
-# of one kind of signal alone.
+# which is the Cramér-Rao bound for $W = \Sigma^{-1}$ and larger for other weights (up to a common factor). A speed that
+# is computed from the angles shares their noise: then use the inverse of the whole covariance, or fit the angles alone.
+#
+# In the left panel below the weight of the speeds is wrong. The line is this formula, for the parameter that suffers
+# most. The dots are the scatter of 40 fits (bars: 95 % intervals). If the noise of the speeds is assumed 3 times too
+# large or too small, the scatter grows by about a half at most. The loss is limited on both sides, because the worst
+# case is a fit of one kind of signal alone.
 #
 # **Feedback.** Robots usually record logs while a controller is running. Then the torque depends on the measured
 # signal, noise included. Take a joint whose speed $v$ is measured as $y_k = v_k + e_k$, with noise of variance
@@ -626,13 +628,16 @@ print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio
 #
 # $$\widehat{1/I} - 1/I = \frac{K\,\sigma^2}{\Delta t\;\overline{\tau^2}} .$$
 #
-# A longer log doesn't help: the scatter shrinks and the bias stays (middle panel). The bias grows with the gain; when
-# most of the torque is noise, it shrinks again (right panel; the lines are the formula).
+# A longer log doesn't help: the scatter shrinks and the bias stays (middle panel). If the controller uses an older
+# speed, the torque contains $-K e_{k-1}$ instead. The product then has the mean zero, and there is no bias. The bias
+# grows with the gain; when most of the torque is noise, it shrinks again, because the noise raises the mean square of
+# the torque (right panel; the lines are the formula).
 #
 # Two estimates are not biased here. Output error takes the torques as given inputs. It is right on average if the
 # torques that were really sent are in the log, and the noise of each sample is independent of the others. An
 # **instrument** is a signal $z$ that is correlated with the torque but not with the noise, here the planned torque:
-# $\widehat{1/I} = \sum_k z_k a_k / \sum_k z_k \tau_k$, where $a_k$ is the measured acceleration.
+# $\widehat{1/I} = \sum_k z_k a_k / \sum_k z_k \tau_k$, where $a_k$ is the measured acceleration: in both sums the noise
+# averages out.
 #
 # The limit: suppose the sensor is perfect, and the joint is shaken by a torque that is independent in each sample. The
 # controller then reacts to earlier disturbances only, and least squares is right on average, under feedback too. Now
@@ -784,17 +789,17 @@ table(*rows)
 #
 # ### When the fit misleads you
 #
-# An error bar assumes that the model is right, and that the noise of each sample is independent of the others. If the
-# robot has an effect that the model lacks, the fitted parameters absorb this effect as well as they can. Then they are
-# wrong, and their error bars are still small.
+# An error bar assumes that the model and the time stamps are right, and that the noise of the angles is zero on average
+# and independent from sample to sample. If the robot has an effect that the model lacks, the fitted parameters absorb
+# this effect as well as they can. Then they are wrong, and their error bars are still small.
 #
-# If the model explains everything except sensor noise, the residual is **white**: no sample is correlated with any
+# If the model explains everything except such noise, the residual is **white**: no sample is correlated with any
 # earlier one. The test of Ljung and Box (1978) measures this. It correlates the residual with copies of itself, shifted
 # by one sample, two, three, and so on. It adds up the squares of these correlations and returns the probability that
 # pure noise gives such a large sum. Below 1 % we say *not white*.
 #
-# A second test is **validation**: let the fitted model predict another log. If the model is
-# right, the prediction differs from that log only by the sensor's noise.
+# A second test is **validation**: let the fitted model predict another log. If the model is right and its parameters
+# are well determined, the prediction differs from that log by little more than the sensor's noise.
 #
 # We record four logs and fit the same five-parameter model to each. For the last column each arm records another log,
 # with the plan *steps* from above.
@@ -1084,7 +1089,7 @@ table(*rows)
 # <table>
 # <tr><th>situation</th> <th>what to do</th> <th>why</th></tr>
 # <tr><td>one robot, fixed parameters, logs can be recorded</td> <td>identify</td> <td>the unknown becomes
-# known</td></tr>
+# known (with a small gap a range does as well)</td></tr>
 # <tr><td>one robot, not available yet</td> <td>randomise</td> <td>nothing to identify; cautious gains tolerate
 # delay</td></tr>
 # <tr><td>a new arm in each episode, its spread known</td> <td>tune on the mean or on the spread</td> <td>a compromise
@@ -1306,9 +1311,9 @@ plt.show()
 #
 # </details>
 #
-# You can save trials by running both policies on the *same* tasks. Such trials are **paired**. Only the tasks on which
-# the policies disagree show which one is better. McNemar's test compares their numbers, $n_\text{old}$ and
-# $n_\text{new}$:
+# Running both policies on the *same* tasks saves trials if they tend to fail together. Such trials are **paired**. Only
+# the tasks on which the policies disagree show which one is better. McNemar's test compares their numbers,
+# $n_\text{old}$ and $n_\text{new}$:
 #
 # | | new policy wins | new policy loses |
 # |---|---|---|
@@ -1454,7 +1459,7 @@ plt.show()
 # What if you pay minus the distance to the goal in each step? That is *not* a difference of potentials: the payments
 # add up along the path. So a longer path that soon comes near the goal can cost less than a shorter one that stays far
 # away until its last steps. Paying for *getting nearer* has no such effect: $\gamma\Phi(s') - \Phi(s)$ with $\Phi =
-# -\text{distance}$.
+# -\text{distance}$, and with $\Phi = 0$ wherever an episode ends.
 #
 # </details>
 
@@ -1462,8 +1467,8 @@ plt.show()
 show("two_routes")
 
 # %% [markdown]
-# A difference of potentials preserves the best policy. But it can speed up or slow down *learning* a great deal.
-# **Tabular Q-learning** stores one estimate of $Q$ for each state and action and corrects it after every step.
+# Under the conditions above, shaping preserves the best policy. But it can speed up or slow down *learning* a great
+# deal. **Tabular Q-learning** stores one estimate of $Q$ for each state and action and corrects it after every step.
 #
 # The chart below compares seven potentials in a grid of ten by ten cells. The goal in the lower right corner pays 1 and
 # all other steps 0, with $\gamma$ = 0.95. All estimates of $Q$ start at 0. The bars count the steps until the learned
@@ -1476,8 +1481,8 @@ show("two_routes")
 #
 # The bars of the fastest are equal because the path is tested only every 20 steps. For Q-learning, shaping with $\Phi$
 # has the same effect as starting with $Q = \Phi$, if its exploration depends only on differences of $Q$ (Wiewiora
-# 2003). What helps is the *shape* of the true value: a potential that rises towards the goal as the value does leads
-# almost straight there, even scaled down to a hundredth.
+# 2003). What helps is the *shape* of the true value: a potential between 0 and $V$ that rises towards the goal as $V$
+# does leads almost straight there, even scaled down to a hundredth.
 #
 # A potential above the true values is optimistic: everything has to be tried before its estimate falls. Minus the
 # distance starts every value too low. The first action that is tried then rises, the untried ones stay low, and the
@@ -1506,9 +1511,9 @@ for name, phi in (
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A difference of potentials telescopes. What is left depends only on the start, the end, and when the
-# end comes. So make the potential zero at every terminal state, and at a time limit if the learner counts it as an end.
-# Then the best policy can't change.
+# **Key insight.** A difference of potentials telescopes, if it is discounted as the rewards are. What is left depends
+# only on the start, the end, and when the end comes. So make the potential zero at every terminal state, and at a time
+# limit if the learner counts it as an end. Then the best policy can't change.
 #
 # </div>
 
@@ -1822,7 +1827,7 @@ plt.show()
 # ### Common mistakes in randomisation code
 #
 # A typical randomiser scales or samples the model's parameters and calls MuJoCo's function `mj_setConst`, which
-# computes derived constants again:
+# computes many derived constants again:
 #
 # ```python
 # model.body_mass *= rng.uniform(0.8, 1.2, model.nbody)            # new masses
@@ -1832,7 +1837,7 @@ plt.show()
 # waiting = deque([rest] * k, maxlen=k)                            # a delay of k steps
 # ```
 #
-# Each line by itself runs, and each has a trap.
+# Each line runs, and each has a trap.
 #
 # - *Line 1, masses:* MuJoCo stores a body's mass and inertia separately, so scale `body_inertia` by the same factor.
 #   And `*=` starts from the mass of the last episode: the factors of all episodes pile up. Multiply the default
@@ -1875,8 +1880,8 @@ show("queue_of_k")
 # class that steps many copies of a task and resets those whose episode has ended (exercise `vector_env`).
 #
 # In the first panel below, computing all copies in one array (*ArmReachVector*; with MuJoCo *mujoco.batch*) is faster
-# than a loop over the copies (*SyncVectorEnv*), even on one thread. (*Closed form*: our own equations of motion, not
-# MuJoCo's.) In the second panel Runge-Kutta meets the tolerance with one substep, Euler needs many.
+# than a loop over the copies (*SyncVectorEnv*), even on one thread. (*Closed form*: our own equations.) In the second
+# panel Runge-Kutta meets the tolerance with one substep, Euler needs many.
 #
 # In the third panel two processes (*ProcessVectorEnv*) lose against a loop (*VectorizedEnv*) where one step is cheap,
 # because waking them takes time. Right of the dotted line they win a little, except at the last point.
@@ -1892,12 +1897,12 @@ show("queue_of_k")
 #
 # <details><summary>How to read the chart</summary>
 #
-# The first panel counts environment steps per second.
-# *MujocoArmReachVector* uses two threads, all loops use one, and *mujoco.batch on one thread* is drawn for a fair
-# comparison with them. Processes pay if processors are free and one step is expensive, or if each process steps many
-# environments. The dotted line in the third panel marks where the measured curves cross. To its right two processes
-# could save up to half of the time. Here they save less, perhaps because other programs used the second core during the
-# measurement; we did not measure why. *AsyncVectorEnv*, with a process for each environment, never beat the loop here.
+# The first panel counts environment steps per second. *MujocoArmReachVector* uses two threads, all loops use one, and
+# *mujoco.batch on one thread* is drawn for a fair comparison with them. Processes pay if processors are free, all
+# environments cost about the same, and one step is expensive or each process steps many environments. The dotted line
+# in the third panel marks where the measured curves cross. To its right two processes could save up to half of the
+# time. Here they save less, perhaps because other programs used the second core during the measurement; we did not
+# measure why. *AsyncVectorEnv*, with a process for each environment, never beat the loop here.
 #
 # </details>
 
@@ -1991,8 +1996,7 @@ simulation("arms", "Cancelling errors")
 # integral form gets there with a log a quarter as long, in about the same computing time (circle). Output error is
 # the most accurate: its error approaches the Cramér-Rao bound. But it needs a starting guess.
 #
-# `mujoco.sysid` solves the same problem, so it should return almost the same parameters. It is slower, but it fits
-# any MuJoCo model.
+# `mujoco.sysid` solves the same problem. It is slower, but it fits any MuJoCo model.
 
 # %%
 show("same_as_mujoco")
@@ -2007,9 +2011,9 @@ show("same_as_mujoco")
 #
 # ![True error, claimed error and alarm against the size of the missing effect](../docs/charts/believed_error_bars.png)
 #
-# The true error exceeds the claimed one *before* the alarm sounds. In between you believe a wrong error bar. The remedy
-# is a second log with other torques. Fit each log by itself. If the fits differ by clearly more than their half-widths
-# explain, a term is missing, a recording is wrong, or the robot has changed.
+# The true error exceeds the claimed one *before* the alarm sounds. The remedy is a second log with other torques,
+# fitted by itself. If the fits differ by clearly more than their half-widths explain, a term is missing, a recording is
+# wrong, the noise is not independent, or the robot has changed.
 #
 # <details><summary>How large a difference may be</summary>
 #
@@ -2054,9 +2058,9 @@ plt.show()
 show("friction_wrong_both_ways")
 
 # %% [markdown]
-# The box must also be between the fingers before they close. So the camera's error may not exceed the free width, the
-# space between the box and an open finger on each side. And the time step must be short enough for the stiffest
-# contact, which the simulator treats as a spring.
+# The box must also be between the fingers before they close. So the camera's error plus the box's must not exceed the
+# free width, the space between the box and an open finger on each side (less if the grip is too weak to push the box).
+# And the time step must be short enough for the stiffest contact, which the simulator treats as a spring.
 
 # %% tags=["hide-code"]
 from course.oracles.mujoco import lab
@@ -2118,7 +2122,7 @@ table(*rows)
 # The charts below vary each fault beyond its limit. The first one divides the force by the force that the box needs:
 # below 1 the box slips. A force that is far too *large* makes the closing fingers knock the box out. (Lost boxes are
 # drawn at 200 mm.) The servo also has a longest time step (third panel), but with default contacts some lifts fail at
-# shorter ones. Perhaps a closing finger sinks so deep in one long step (last panel) that it pushes the box out.
+# shorter ones, perhaps because a closing finger sinks too deep (last panel).
 #
 # ![Grip, camera and step, swept to both sides of their limits](../docs/charts/break_it.png)
 #
@@ -2162,9 +2166,8 @@ more_claims("large_step_at_contact", "camera_off")
 simulation("faults")
 
 # %% [markdown]
-# Mostly they nearly add up, or a little less is lost. The exception is the long control step with the camera's error
-# (the dots far above the line). The camera's error uses up the tolerance, and then the oscillation of the long step
-# leaves the target.
+# Mostly they nearly add up. The exception is the long control step with the camera's error (dots far above the line):
+# the camera's error uses up the tolerance, and the oscillation of the long step leaves the target.
 #
 # <details><summary>Which pairs interact, and what exactly the switches change</summary>
 #
@@ -2173,9 +2176,9 @@ simulation("faults")
 # All 32 combinations run the same reaches. The target and the gains differ from those in section 1, and so do the
 # losses.
 #
-# Friction makes up for a long step, because it damps its oscillation, and it makes up for the higher gains of a search
-# without randomisation. In pairs the mass interacts with none of the others noticeably; with the long step *and* the
-# camera's error it makes up for a part of their loss.
+# Friction reduces the loss from a long step, because it damps the oscillation. It also reduces the loss from the higher
+# gains of a search without randomisation. The heavier links interact with no other single fault noticeably. With the
+# long step and the camera's error together, they reduce the loss.
 #
 # </details>
 
@@ -2347,13 +2350,14 @@ print(f"    more than 0.2 of the play in {rattles} of 6 runs")
 # together</td></tr>
 # <tr><td>stops short of the target and stays there</td> <td>dry friction; with a PD law the error is at most the
 # friction torque over
-# $k_p$</td> <td>push the joint aside: it stays where you leave it</td> <td>integral action; friction
-# compensation</td></tr>
+# $k_p$</td> <td>with a PD law, push the joint slightly to either side: within that error it stays where you leave it,
+# from farther away it returns only to this limit</td> <td>friction compensation; integral action, if static friction
+# hardly exceeds sliding friction (otherwise the joint hunts, chapter 6)</td></tr>
 # <tr><td>a corrected simulator, a worse robot</td> <td>errors that had cancelled</td> <td>correct all parameters
 # together</td> <td>use the new policy only if success rose</td></tr>
-# <tr><td>tiny error bars, values that differ between logs by far more</td> <td>a missing term</td>
-# <td>whiteness; another log</td>
-# <td>add the term, or widen the bars</td></tr>
+# <tr><td>tiny error bars, values that differ between logs by far more</td> <td>a missing term, wrong time
+# stamps, or noise that is not independent</td> <td>whiteness; another log</td> <td>add the term, correct the stamps, or
+# widen the bars</td></tr>
 # <tr><td>training looks perfect from the start</td> <td>sampled parameters are never applied</td> <td>log the delay
 # that each episode really had</td> <td>the bug hunt of section 8</td></tr>
 # </table>
@@ -2487,7 +2491,7 @@ check(tune_randomised)
 # ### A formula: the grip
 #
 # Two fingers hold a box of mass `m` by friction `mu` and lift it with the acceleration `a`; gravity is `g`. What is the
-# least force of each finger? Any equivalent form is right. <span class="kernel-only">Replace the formula in quotation
+# least force of each finger? Equivalent forms count. <span class="kernel-only">Replace the formula in quotation
 # marks.</span>
 
 # %%
@@ -2614,8 +2618,8 @@ table(*rows)
 #
 # The delay got least far, the payload's upper end comes next: the delay and the load cost most in section 1. Most other
 # ends are close to the farthest value that they can reach in this run. The payload gets as far as gap 1 although it is
-# expensive, because the gains are tuned again on every new range. An end stops where no set of gains serves the whole
-# range well.
+# expensive, because the gains are tuned again on every new range. With enough updates, an end stops where no gains that
+# the search finds serve the whole range well.
 #
 # These ranges may suit the robot at gap 1 better than both that we chose: range 1 goes to 30 ms of delay, so its
 # gains are more cautious, and range 0.4 ends at 0.2 kg of payload. One reason may be effort: the gains of the
@@ -2624,9 +2628,10 @@ table(*rows)
 #
 # </details>
 #
-# The ranges tell you what *this task* tolerates after training. They don't tell you where the robot is: the method
-# never observes it. At gap 1 the automatic ranges do better than both ranges that we chose by hand, by more than
-# searches differ (lines above the table). At gap 0.3 both ranges chosen by hand do a little better.
+# Ends that stopped early (delay, payload) show what *this task* tolerates after training; most others may have run out
+# of updates. They don't tell you where the robot is: the method never observes it. At gap 1 the automatic ranges do
+# better than both ranges chosen by hand, by more than searches differ (lines above the table). At gap 0.3 they do a
+# little worse.
 #
 # ## 10 · Interview
 #
@@ -2657,18 +2662,20 @@ print("written" if len(mine_too.split()) > 30 else "open: thirty words or more")
 # %% [markdown]
 # <details><summary>An answer, from this chapter's figures</summary>
 #
-# *Identification wins* where parameters are fixed and a log can be recorded, for example an arm with an unknown load.
-# One log of less than a second did more for the twin than any randomisation. The fitted parameters are not true, since
-# the twin has effects that our model lacks. But the gains were tuned to what the arm *does*.
+# *Identification wins* where parameters are fixed, a log can be recorded, and the gap is large, for example an arm with
+# a large unknown load. One log of less than a second did more for the twin than any randomisation. The fitted
+# parameters are not true, since the twin has effects that our model lacks. But the gains were tuned to what the arm
+# *does*.
 #
 # *Randomisation wins* where there is no robot yet, and where caution helps, as with an uncertain delay. It costs time
 # inside the target, and it can't make a weak motor strong.
 #
 # *Where the arm differs in each episode* neither wins by itself: gains tuned on the mean and on the spread are about
-# equal. A controller that estimates the arm during the episode does better, like the student of section 3.
+# equal. A controller that estimates the arm during the episode can do better: in section 3 the student did on most
+# arms, the adaptive law mainly on heavy ones.
 #
-# "Measuring is always better" is wrong in three cases: correcting one parameter may hurt, a fit of the wrong model is
-# wrong and sure, and what varies can't be measured beforehand.
+# "Measuring is always better" is wrong in three cases. If the gap is small, a range does as well and needs no log. If
+# you correct only one parameter, the policy may get worse. And what varies can't be measured beforehand.
 #
 # </details>
 #

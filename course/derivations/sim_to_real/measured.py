@@ -282,9 +282,9 @@ def believed_error_bar(result):
     result.statement = "Two seconds of two sines, 1 mrad of noise, logs of other seeds."
     result.statement_holds(
         within(1, friction),
-        only_if="the model has every effect that the robot has, the time stamps are right, only "
-        "the quantities that the model predicts are noisy, and their noise is independent, zero on "
-        "average and not concentrated in the few samples that determine a parameter",
+        only_if="the model has every effect that the robot has, the time stamps and the inputs are "
+        "exact, and the noise of the measured outputs is independent, zero on average and not "
+        "concentrated in the few samples that determine a parameter",
         inside=[
             within(seed, 0.0, kind)
             for seed in range(3)

@@ -251,10 +251,11 @@ def set_const_data(result):
     "mj_setConst gives the constants that compiling the changed model anew gives.",
     "The compiler turns a dampratio into a damping for the masses of that moment, and a joint's "
     "springdamper into stiffness and damping, and gives a tendon without a spring length the "
-    "length that it has. mj_setConst does none of it again: the gain stays, as that of a real "
-    "motor does. With four times the mass the compiled one is {kv_compiled_over_kept:.0f} times as "
-    "large. A load on such a tendon, moved by {moved_mm:.0f} mm, comes to rest {rest_mm:.0f} mm "
-    "from where the compiled one does. The model's statistics stay old as well, but nothing moves "
+    "length that it has. mj_setConst repeats none of this. So the damping gain of a servo stays, "
+    "as that of a real motor does; compiled for four times the mass it is "
+    "{kv_compiled_over_kept:.0f} times as large. A load on such a tendon, moved by "
+    "{moved_mm:.0f} mm, comes to rest {rest_mm:.0f} mm from where the compiled one does. The "
+    "model's statistics stay old as well, but nothing moves "
     "by them.",
     source="MuJoCo changelog, 4.0: dampratio, the spring length of tendons from (-1, -1), and "
     "model statistics are resolved only at compile time",
