@@ -186,8 +186,9 @@ class Ensemble(Executor):
 class Delayed(Executor):
     """At each step act on the state `delay` steps ago: the chunk's one action for that time.
 
-    It reacts at every step as a policy of single actions does, and looks as far ahead as a chunk,
-    which tells which of both makes chunks work. For the first steps it follows the first chunk.
+    It observes at every step as a policy of single actions does, but acts on an older observation
+    as a chunk does. Comparing the two shows how much of a chunk's effect comes from the older
+    observation alone. For the first steps it follows the first chunk.
     """
 
     delay: int = 1

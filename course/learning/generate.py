@@ -38,9 +38,10 @@ SOLVERS = (*TABLEAUS, "ddim", "ddpm")
 def integrate(field: Field, noise: ArrayLike, steps: int, solver: str = "heun") -> Array:
     """Follow a velocity from time 0 to 1 in equal steps.
 
-    One Euler step ends at noise + field(noise, 0). Flow matching fits the field to the mean of
-    clean - noise given the sample, which at time 0 is the noise itself and says nothing of the
-    clean action: field(noise, 0) = mean - noise, and the step ends at the mean.
+    One Euler step ends at noise + field(noise, 0). Suppose that noise and data were paired at
+    random and joined by straight paths at constant speed. Then flow matching fits the field to the
+    mean of clean - noise given the sample, which at time 0 is the noise itself and says nothing of
+    the clean action: field(noise, 0) = mean - noise, and the step ends at the mean.
 
     Args:
         field: samples (n, d), time -> velocities (n, d).

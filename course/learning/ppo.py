@@ -8,9 +8,9 @@ The two ends of an episode are kept apart: after a termination there is nothing,
 there is the value of the last observation, which was seen and is not in the next row. Statistics of
 the normalisers are those of all environments, and stay while a batch is collected and used.
 
-What makes it fast: the environments are one compiled call, the critic judges all rows at once after
-the rollout, log-probabilities come from the noise that was drawn, an epoch is shuffled once, and
-all weights are one vector.
+What is meant to make it fast (not profiled): the environments are one compiled call, the critic
+judges all rows at once after the rollout, log-probabilities come from the noise that was drawn, an
+epoch is shuffled once, and all weights are one vector.
 """
 
 from __future__ import annotations

@@ -79,9 +79,10 @@ def optimum(
 
     The prize is 1, discounted by 0.99.
 
-    "sparse": 0.99^(least steps - 1). "potential" adds the first distance, whatever is done. "once"
-    adds the bonus. With "hover" an end put off by a step loses 1 - 0.99 of the prize and wins a
-    bonus: either it pays to go at once, or to wait outside the disc until the last step.
+    "sparse": 0.99^(least steps - 1). "potential" adds the first distance in every episode that
+    reaches the disc. "once" adds the bonus. With "hover" an end put off by a step loses 1 - 0.99
+    of the prize and wins a bonus: either it pays to go at once, or to wait outside the disc until
+    the last step.
 
     Args:
         paths: first observations, points at rest, shape (n, 4) [m].

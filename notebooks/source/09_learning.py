@@ -102,8 +102,8 @@ def last(chart, panel=0):
 # with the new velocity. The episode ends successfully when the point enters a disc of 5 cm radius around the goal.
 # Otherwise it ends after 100 steps.
 #
-# The plots show six runs each of two policies: the fastest that is possible, and one that was written by hand. The
-# written one is a PD law, with one gain on the remaining distance and one on the velocity. Each dot is one step.
+# The plots show six runs each of two policies: the fastest that is possible, and one written by hand, a PD law with one
+# gain on the remaining distance and one on the velocity. Each dot is one step.
 
 # %% tags=["hide-code"]
 envs = PointReachVector(64, "sparse", autoreset_mode="SameStep")
@@ -237,8 +237,8 @@ plt.show()
 #
 # Training takes a **batch** of data, computes the gradient of an objective with respect to all weights, and moves the
 # weights a little along it. (An objective that is to be made small is called a **loss**.) One such move is a **gradient
-# step**, and the **step size** sets its length. (We use the rule named Adam.) A large batch is split into
-# **minibatches**, with one gradient step each. All random numbers follow from a **seed**.
+# step**, and the **step size** sets its length. (We use Adam.) A large batch is split into **minibatches**, with one
+# gradient step each. All random numbers follow from a **seed**.
 #
 # In the simulation the actions have two components, and the reward is a formula with one peak, so the true gradient can
 # be computed. Play to let the mean follow the average vote. Then switch off the **baseline**, a number that is
@@ -264,7 +264,8 @@ simulation("policy_gradient")
 #
 # Why an advantage, and not simply the return? If all returns are positive and similar, every sampled action is pushed
 # up, good ones only a little more than bad ones. In a finite batch this small difference drowns in noise. Subtracting a
-# baseline that does not depend on the action should reduce the noise. Does it change the expected gradient?
+# baseline near the expected return, the same for all actions, should reduce the noise. Does it change the expected
+# gradient?
 
 # %%
 show("baseline_is_free")
@@ -317,9 +318,9 @@ plt.show()
 #
 # </details>
 #
-# A second view of GAE: the *n-step estimate* adds up the first $n$ errors, each multiplied by its power of $\gamma$.
-# The values in between cancel. What is left is $n$ discounted rewards, then $\gamma^n V(s_{t+n})$, minus $V(s_t)$.
-# **The critic is trained** by squared error towards $A_t + V(s_t)$, its own better estimate of the return.
+# A second view of GAE: the *n-step estimate* adds up the first $n$ errors, each times its power of $\gamma$. What is
+# left is $n$ discounted rewards, then $\gamma^n V(s_{t+n})$, minus $V(s_t)$. **The critic is trained** by squared error
+# towards $A_t + V(s_t)$, its own better estimate of the return.
 
 # %%
 show("lambda_mixes")
@@ -438,9 +439,10 @@ show("clip_keeps")
 # rewards randomness). Old steps can be used again, because an action in a state has the same effect whoever chose it.
 #
 # The price is more gradient steps for each *environment step*, one action in one environment. Also, $Q(s, a)$ is
-# trained towards $r + \gamma Q(s', a')$, where $a'$ is what the *current* policy would do in the next state $s'$.
-# Perhaps no stored step shows what $a'$ leads to. So if the critic overestimates $Q(s', a')$, hardly anything corrects
-# it until the policy tries $a'$. Both methods therefore train two critics and use the smaller value.
+# trained towards $r + \gamma Q(s', a')$, where $a'$ is what the *current* policy would do in the next state $s'$. (Here
+# $Q$, and in TD3 the policy too, are slowly following copies.) Perhaps no stored step shows what $a'$ leads to. So if
+# the critic overestimates $Q(s', a')$, hardly anything corrects it until the policy tries $a'$. Both methods therefore
+# train two critics and use the smaller value.
 #
 # The chart shows SAC and PPO from the library Stable-Baselines3, paid at every step for coming closer (section 2
 # gives the formula). Every learner is judged by the prize alone, whatever reward it was trained with. With 2,048
@@ -497,9 +499,9 @@ more_claims("next_row", "beyond_the_clip")
 #
 # How often does chance find it? Slide a disc with the goal's radius $R$ along a random path of length $L$, like a
 # brush. It paints a strip of width $2R$ and area $2RL$. The path hits the goal if the goal's centre lies in the strip.
-# If the goal may be anywhere in an area $S$, the painted share of $S$ is the probability of success, as long as the
-# path does not cross itself and stays inside the area. The goals of the point fill 4 m²; a random path runs 0.875 m
-# inside that area on average.
+# If the goal is equally likely anywhere in an area $S$, wherever the path starts, the painted share of $S$ is the
+# probability of success, as long as the path does not cross itself and stays inside the area. The goals of the point
+# fill 4 m²; a random path runs 0.875 m inside that area on average.
 
 # %%
 show("sparse_chance")
@@ -528,9 +530,9 @@ show("sparse_chance")
 # discounted sum is the same for all these paths too.)
 #
 # Minus the distance pays $-(2 + 1 + 0) = -3$ on this path and another sum on another path. Of two paths with equally
-# many steps it prefers the one whose distances add up to less, and nobody asked for that. One condition belongs to the
-# potential: $\Phi$ has to count as 0 in every state that terminates the episode. Otherwise the last payment depends on
-# where the episode ended, and the best policy can change, as chapter 8 showed.
+# many steps it prefers the one whose distances add up to less, and nobody asked for that. The potential has to be
+# discounted as the rewards are. It has to count as 0 in every terminal state, and at a time limit unless the learner
+# bootstraps there. Otherwise the best policy can change, as chapter 8 showed.
 #
 # ![Share of the optimum over training for each reward, and by size of the disc](../docs/charts/rewards.png)
 
@@ -568,8 +570,8 @@ table(
 # ### Reward hacking: compute the optimum of what you pay
 #
 # **Reward hacking** means that a policy collects a large reward by doing something that nobody wanted. The learner is
-# not at fault: it found the optimum of the reward that was written. So look for that optimum yourself, before you
-# train.
+# not at fault: it found a behaviour that the written reward pays better than the task. So look for the optimum of your
+# reward yourself, before you train.
 #
 # The classic case is a bonus for being near the goal. Suppose each step near it pays $b$, and entering the disc pays a
 # prize $P$ and ends the episode. Go in, or wait another step? Entering now pays $b + P$, since the last step is near
@@ -642,10 +644,10 @@ more_claims("minus_distance", "no_time_penalty", "two_gains")
 predict("how_errors_grow")
 
 # %% [markdown]
-# How much can they cost? Here is a simplified model of the worst case. Each step goes wrong with probability
-# $\varepsilon$, and after the first error the policy is lost for good: all later steps are wrong too. Step $t$ is
-# correct only if no error has happened up to it, with probability $(1-\varepsilon)^t$. So the expected number of
-# wrong steps in $T$ steps is
+# How much can they cost? Here is a simplified model of the worst case, if each wrong step costs the same. Each step
+# goes wrong with probability $\varepsilon$, and after the first error the policy is lost for good: all later steps are
+# wrong too. Step $t$ is correct only if no error has happened up to it, with probability $(1-\varepsilon)^t$. So the
+# expected number of wrong steps in $T$ steps is
 #
 # $$\sum_{t=1}^{T}\big(1 - (1-\varepsilon)^t\big) \approx \tfrac12\,\varepsilon\,T^2
 #   \qquad\text{as long as } \varepsilon T \text{ is small.}$$
@@ -658,9 +660,8 @@ predict("how_errors_grow")
 show("errors_compound")
 
 # %% [markdown]
-# Between these two cases lies every policy that sometimes finds its way back. In the simulation you set how often the
-# policy errs once it has left the demonstrated path. Always (100 %) means that it never recovers. As often as on the
-# path ($\varepsilon$) means that an error has no effect on later steps:
+# In the simulation you set how often the policy errs once it has left the demonstrated path. Always (100 %) means that
+# it never recovers. As often as on the path ($\varepsilon$) means that an error has no effect on later steps:
 
 # %%
 simulation("cloning_drift")
@@ -669,12 +670,12 @@ simulation("cloning_drift")
 # ![Cost over length, limit of the square law, three closed loops, circle task](../docs/charts/compounding.png)
 #
 # The upper left panel shows the two cases above. The upper right one compares the square law with the exact expected
-# number of wrong steps. (It uses $\tfrac12\varepsilon T(T+1)$, the better form for short tasks.) The colour says by
-# how much the square law exceeds it: purple by less than 10 %, orange by more. Along the black line the excess is 10
-# %. For tasks of more than ten steps this is the line $\varepsilon T = 0.3$.
+# number of wrong steps. (It uses $\tfrac12\varepsilon T(T+1)$, the better form for short tasks.) The colour says by how
+# much the square law exceeds it: purple by less than 10 %, orange by more. For tasks of more than ten steps the black
+# line between them is $\varepsilon T = 0.3$.
 #
 # The lower left panel shows three closed loops, and the lower right one the *circle task*, in which a point follows a
-# circle and errors die out. (DAgger is explained below.)
+# circle and errors die out. (DAgger: see below.)
 #
 # For a robot with continuous states the closed loop decides. A deviation $x$ changes in a step to $x' = a\,x + e$,
 # where $e$ is the policy's error.
@@ -748,8 +749,7 @@ table(*rows)
 # %% [markdown]
 # In the left plot, the clean demonstrations lie exactly on the line. Those of the disturbed expert leave it by only
 # about 0.001. The labels are exact, so this is enough to determine the gain across the line. In the right plot, clone
-# and noise-free DAgger (dashed) grow on one curve; the other three coincide too. The growth has no limit because the
-# simulated model is linear.
+# and noise-free DAgger (dashed) grow on one curve; the other three coincide too.
 #
 # Two rows of the table need an explanation. DAgger without noise is as unstable as the clone, and noise of only
 # $10^{-6}$ on each label is enough to make DAgger work. DAgger's rounds begin on the line. With exact labels the
@@ -900,11 +900,11 @@ more_claims("code_of_zero")
 # %% [markdown]
 # <details><summary>An answer to the interview question</summary>
 #
-# Not the squared error: it would fold neither sleeve. For two clear modes a
-# mixture is enough; it is cheaper to run than a flow or diffusion policy, and you can read off how probable each mode
-# is. For actions with many components, and an unknown number of modes, choose a flow or a diffusion policy. In both
-# cases predict a chunk of actions at once; how many of them to execute before the next prediction is a question of its
-# own, which the subsection on chunks measures.
+# Not the squared error: at the start, where the shirt does not show which sleeve comes first, it averages both. For two
+# clear modes a mixture is enough; it is cheaper to run than a flow or diffusion policy, and you can read off how
+# probable each mode is. For actions with many components, and an unknown number of modes, choose a flow or a diffusion
+# policy. In both cases predict a chunk of actions at once; how many of them to execute before the next prediction is a
+# question of its own, which the subsection on chunks measures.
 #
 # </details>
 #
@@ -1001,10 +1001,10 @@ source(learning.denoise, "alpha, sigma = mix", "clean, x, steps, rng, eta")
 
 # %% [markdown]
 # How many steps are enough? For a mixture of normal distributions the exact velocity is known, so the sampler's own
-# error can be measured without any training. The chart's left panel does that: with twice as many steps the error of
-# Euler and DDIM halves (first order), that of Heun falls to a quarter (second order), and that of DDPM falls more
-# slowly than Euler's. The dashed curves are trained networks. They flatten once the network's own error is the larger
-# one.
+# error can be measured without any training. The chart's left panel does that. Once the steps are short compared with
+# the modes' width, twice as many steps halve the error of Euler and DDIM (first order) and divide that of Heun by four
+# (second order); that of DDPM then falls more slowly than Euler's. The dashed curves are trained networks. They flatten
+# once the network's own error is the larger one.
 #
 # ![Error over evaluations of the field, exact and trained; success over evaluations](../docs/charts/samplers.png)
 #
@@ -1045,9 +1045,8 @@ figure_.text(
 plt.show()
 
 # %% [markdown]
-# A prediction also takes time, and meanwhile the observation grows older. The simulation adds this latency. (Each
-# chunk is one bar. There are six rows, so the seventh chunk is drawn in the top row again. Red: the mean age. Black:
-# now.)
+# A prediction also takes time, and meanwhile the observation grows older. The simulation adds this latency. (Each chunk
+# is one bar; the seventh is drawn in the top row again. Red: the mean age. Black: now.)
 
 # %%
 simulation("action_chunks")
@@ -1077,17 +1076,17 @@ show("react_less")
 # percentage points only.
 #
 # The second panel compares remedies. One is **temporal ensembling**, from ACT: the policy predicts a chunk at every
-# step, and the executed action is the weighted mean of all predictions for this step. (The weights decay
-# exponentially from the oldest chunk to the newest.) This smooths the motion, but it averages, so it is safe only if
-# the chunks agree on the mode. Under the strongest disturbances, a policy trained on disturbed demonstrations does
-# best. Without disturbances that policy is worse, though: about seven runs in ten pass.
+# step and executes the weighted mean of all predictions for this step. (The weights decay exponentially from the oldest
+# chunk to the newest.) This smooths the motion, but it averages: if chunks with similar weights choose different sides
+# about equally often, the mean goes between. Under the strongest disturbances, a policy trained on disturbed
+# demonstrations does best. Without disturbances that policy is worse, though: about seven runs in ten pass.
 #
-# In the lower panels, a policy that observes often changes sides more often. A policy that observes rarely drifts
-# further, in proportion to $\sqrt{k}$. Changes of side are too rare, though, to explain most of the failures at $k =
-# 1$. What causes the others, the chart does not show.
+# In the lower panels, a policy that observes often changes sides more often; one that observes rarely drifts further,
+# in proportion to $\sqrt{k}$. Changes of side are too rare, though, to explain most failures at $k = 1$.
 #
-# How many demonstrations does this need? Enough to show even the rarest way; the checkpoint may ask for the chance
-# that it is missing. And look for pauses: a person who waits shows one state with two labels, *wait* and *go*.
+# How many demonstrations does this need? Enough to show even the rarest way; the checkpoint may ask for the chance that
+# it is missing. And look for pauses: if the state shows no speed, a person who waits shows one state with two labels,
+# *wait* and *go*.
 
 # %%
 more_claims("pauses")
@@ -1097,8 +1096,9 @@ more_claims("pauses")
 #
 # ### One table, its numbers tested
 #
-# Each number was measured in this chapter. The last line uses, instead of ACT, our small autoencoder and, for pauses,
-# the nearest demonstration.
+# Each number was measured in this chapter (DAgger's radius after two rounds, in runs long enough to amplify a
+# deviation). Ten evaluations are no need: with five, 4 to 8 percentage points fewer pass. The last line uses, instead
+# of ACT, our small autoencoder and, for pauses, the nearest demonstration.
 
 # %% tags=["hide-code"]
 f = figure
@@ -1171,18 +1171,16 @@ table(
 #
 # ### Which details of PPO matter, and where
 #
-# Implementations of PPO contain dozens of details.
-#
 # ![PPO without each of its details, and tasks on which a detail matters](../docs/charts/details_that_matter.png)
 #
 # The left panel changes one detail at a time on the usual task (80,000 environment steps). The right panel has four
 # tasks, each sensitive to one detail. Each pair shows PPO with that detail and, with a dash in its label, without it.
 #
 # On the usual task three changes cost most of the result: $\lambda = 0$, a single epoch per batch, and only four hidden
-# units. A discount of 0.9, which looks only about ten steps ahead, costs about a fifth of the result. Without
-# normalised observations (rescaled to mean 0 and standard deviation 1) it loses about as much; three seeds do not show
-# which of these two costs more. No other detail cost as much as a tenth. With three seeds, we could have missed such a
-# cost.
+# units. A discount of 0.9, which looks only about ten steps ahead, costs about a fifth of the result. (The potential is
+# still paid with 0.99. Paid with 0.9, it taught next to nothing in ten runs.) Without normalised observations (rescaled
+# to mean 0 and standard deviation 1) it loses about as much; three seeds do not show which costs more. No other detail
+# cost as much as a tenth, but three seeds can miss such a cost.
 #
 # On other tasks these matter: normalised observations if the observations are far from zero, the clip if the step
 # size and the number of epochs are large, and perhaps rescaled rewards if the prize is 10 (there the intervals
@@ -1198,9 +1196,9 @@ show("own_normaliser")
 # %% [markdown]
 # ### Many seeds, many machines
 #
-# Two seeds of one learner can differ more than two methods do, so the curves of this chapter have a band over several
-# seeds. `sweep` calls a function once for each of many sets of arguments. Its argument `executor` takes any pool of
-# workers, so it can run on several processors or machines.
+# Two seeds of one learner can differ more than two methods do, so this chapter's curves have bands over several seeds.
+# `sweep` calls a function once for each of many sets of arguments. Its argument `executor` takes any pool of workers,
+# so it can run on several processors or machines.
 
 
 # %% tags=["show-code"]
@@ -1440,15 +1438,16 @@ table(
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The clone drifts after some seconds.* Plot the states that it visits over the demonstrated states.
-# If they lie outside, data are missing: ask the expert there (DAgger), or disturb the expert during the demonstration.
-# If they lie inside and the actions are wrong, look for labels that disagree: several modes, pauses, or something the
-# expert saw and the policy does not. Then ask what the plant does with an error.
+# If they lie outside, data are missing: ask the expert there (DAgger), or disturb the expert strongly during the
+# demonstration. If they lie inside and the actions are wrong, look for labels that disagree: several modes, pauses, or
+# something the expert saw and the policy does not. Then ask what the plant does with an error.
 #
 # <details><summary>What people get wrong there</summary>
 #
 # They choose a more powerful head. A diffusion policy drifted on the regulator like the linear clone; trained on
-# disturbed demonstrations the same network did not. Chunks help against wavering and pauses. They are no cure for
-# drift on an unstable plant.
+# strongly disturbed demonstrations the same network did not, but with a tenth of that disturbance most of its runs were
+# still lost. Executing two steps of a chunk helped a little against disturbances, and executing more steps than a pause
+# lasts gets through it. Chunks are no cure for drift on an unstable plant.
 #
 # </details>
 #
@@ -1503,16 +1502,15 @@ table(*rows)
 # statistics
 # that change during the test</td> <td>one episode per environment, frozen statistics</td> <td>the bug hunt of section
 # 9</td></tr> <tr><td>the clone wavers in front of the obstacle</td> <td>several modes, a new sample at every
-# step</td> <td>changes of side in a run</td> <td>execute more steps of each chunk</td></tr> <tr><td>the clone stops
-# for good</td> <td>a pause in the data, no memory</td> <td>demonstrated steps without motion</td> <td>remove pauses;
-# execute more steps of a chunk
+# step</td> <td>changes of side in a run</td> <td>execute a few
+# more steps of each chunk (here two; eight were worse)</td></tr> <tr><td>the clone stops for good</td> <td>a pause in
+# the data, no memory</td> <td>demonstrated steps without motion</td> <td>remove pauses; execute more steps of a chunk
 # than a pause lasts</td></tr>
 # </table>
 #
 # ## 9 · Exercises
 #
-# Seven exercises and a bug hunt. `check` runs your function on fresh random cases. If something is wrong, it shows the
-# failing call and, where it can, the likely cause.
+# Seven exercises and a bug hunt. `check` runs your function on fresh random cases and shows the failing call.
 #
 # ### Backpropagation by hand
 
@@ -1747,9 +1745,9 @@ your_robot(9)
 #
 # The table compares chunks with delays on three tasks: the two routes, with the mixture; the unstable regulator,
 # trained with and without disturbances; and a third task, in which each of 40 steps brings a new random situation with
-# its own right action. (Its column is computed, not simulated: a policy that observes the situation errs in 0.5 % of
-# the steps; another one guesses between two actions. After the first error all later steps count as wrong.) The plot
-# shows the two routes.
+# its own right action. (Its column is computed, not simulated. A policy errs in 0.5 % of the steps in which it observes
+# the new situation. In other steps it guesses between two actions. After the first error all later steps count as
+# wrong.) The plot shows the two routes.
 
 # %% tags=["hide-code"]
 mixture, rng = heads["mixture"], np.random.default_rng(0)
@@ -1834,11 +1832,12 @@ table(*rows)
 
 # %% [markdown]
 # On the two routes, a delay of one step does what a chunk of two does, within two percentage points (4,000 runs each):
-# both act on a slightly older observation. On the unstable regulator neither chunks nor delays help; disturbed
-# demonstrations do. (A run is *lost* if it ends more than ten times as far off as it began.) In the third task every
-# policy that acts on an old observation soon fails, because every step brings something new. So on none of these tasks
-# do chunks gain more than a few percentage points over a new chunk at each step, and what they gain, a mere delay gains
-# too.
+# both act on a slightly older observation. On the unstable regulator neither chunks nor delays help; strongly disturbed
+# demonstrations do. (A run is *lost* if it ends more than ten times as far off as it began.)
+#
+# In the third task every policy that acts on an old observation soon fails, because every step brings something new. So
+# on none of these tasks do chunks gain more than a few percentage points over a new chunk at each step, and what they
+# gain, a mere delay gains too.
 #
 # <details><summary>A theory of when chunks help</summary>
 #
@@ -1851,7 +1850,7 @@ table(*rows)
 #
 # ## 11 · Interview
 #
-# Answer aloud first. Then open the answer of one minute, the full answer, and the follow-up questions.
+# Answer aloud first, then open the answers.
 
 # %%
 interview("learning")
@@ -1860,7 +1859,7 @@ interview("learning")
 # ### Checkpoint
 #
 # *In your own words: when does a learned policy beat a written one, and how would you prove it? Give an example for
-# each side.* Write it down, then compare.
+# each side.*
 
 # %%
 mine = ""

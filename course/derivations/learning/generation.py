@@ -428,8 +428,8 @@ def ten_denoising_steps(result):
     result.statement_holds(
         nine > five,
         only_if="the sampler is DDIM with steps of equal time on a cosine schedule, and less than "
-        "{nine:.1%} of the samples may fall between two modes that are equally frequent, as far "
-        "apart and as narrow as these",
+        "{nine:.1%} of the samples may fall between two equally frequent modes at plus and "
+        "minus one, each with a deviation of a tenth",
         inside=inside,
         outside=[*outside, *(bool(x > 0.99 * nine) for x in least), bool(second > ten)],
     )
@@ -666,7 +666,7 @@ def pauses(result):
     "use the second, five demonstrations miss one of them with probability {formula}.",
     ask=(
         "A share p of people passes left, the others pass right. With what probability do five "
-        "demonstrations show only one side?",
+        "demonstrations by different people show only one side?",
         "p^5 + (1 - p)^5",
         {
             "(1 - p)^5": "The other side may be missing as well.",

@@ -336,10 +336,10 @@ def dagger_fixes_drift(result):
     endless = [fixed(k, task, 1e12 * limit, 1e-2) for k in range(3)]
     result.statement_holds(
         quiet < 1.0,
-        only_if="something larger than rounding, here label noise, takes the learner off the line "
-        "of the demonstrations, and in one run the unstable loop amplifies it at least "
-        "{amplified:.0f} times, beyond the noise, but to no more than {limit:.0e} times the "
-        "demonstrated states, which least squares still resolves",
+        only_if="label noise or another disturbance larger than rounding takes the learner off "
+        "the line of the demonstrations, and each run is long enough for the unstable loop to "
+        "amplify this deviation {amplified:.0f} times, but not so long that it exceeds the "
+        "demonstrated states {limit:.0e} times, where rounding hides them from least squares",
         inside=inside + longer,
         outside=[
             *outside,
@@ -442,8 +442,8 @@ def dagger_needs_room(result):
     result.statement_holds(
         all(lower),
         only_if="it visits states that were missing, their labels are exact, the network can fit "
-        "them and is trained for it, and what they correct does not lead to other states that are "
-        "still missing",
+        "them and is trained for it, and the corrected policy does not reach further states "
+        "without labels",
         inside=[*lower[:2], bool(home < fallen)],
         outside=[
             *lower[2:],

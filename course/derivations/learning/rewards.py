@@ -220,8 +220,8 @@ def sparse_chance(result):
     result.statement_holds(
         observed < 0.01,
         only_if="the goal is equally likely anywhere in its area, wherever the path starts, and "
-        "the share of this area that a path sweeps, {formula} and the disc at its start, is below "
-        "1/100",
+        "a path and the disc around its start together sweep less than 1/100 of this area "
+        "({formula} is the share of the path alone)",
         inside=inside,
         outside=[*outside, *still, bool(met.mean() < 0.01), bool(found.mean() < 0.01)],
     )
@@ -276,8 +276,9 @@ def minus_distance(result):
 @claim(
     "A bonus for being near the goal makes a robot hover there instead of finishing.",
     "Waiting one more step earns the bonus once more but delays the prize P by a step. This "
-    "pays off only if the bonus is above {formula} per step, where the next step can win the prize "
-    "and is paid the bonus, too; else a smaller one is enough. Note also how often a bonus is "
+    "pays off only if the bonus is above {formula} per step. This holds if the arriving step earns "
+    "the bonus as well as the prize. If it earns the prize only, a smaller bonus is enough. Note "
+    "also how often a bonus is "
     "paid: as a term of the step reward it is paid at every step near the goal, {paid:.0f} "
     "times in {steps:.0f} steps, not once.",
     ask=(

@@ -199,7 +199,8 @@ PRESETS = {
 READOUTS = {
     "ratio ρ": "Probability of the action with the new policy over that with the old one.",
     "clipped objective": "The smaller of ρA and clip(ρ, 1 − ε, 1 + ε)·A; PPO makes it large.",
-    "without the clip": "The product ρA: the objective of the plain policy gradient.",
+    "without the clip": "The product ρA. Where all ratios are 1, its gradient is the plain policy "
+    "gradient.",
     "slope": "Derivative of the clipped objective with respect to the ratio.",
     "effect": "What the gradient does to the ratio of this action.",
     "clip range": "From 1 − ε to 1 + ε.",

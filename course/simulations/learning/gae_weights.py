@@ -283,8 +283,8 @@ PRESETS = {
 # What each number below the picture means.
 READOUTS = {
     "advantage, this path": "GAE of the first action on the path that is drawn: sum of weight × δ.",
-    "bias": "Expected error of advantage + V(s), predicted. An error of V(s) alone is a baseline "
-    "and does no harm.",
+    "bias": "Expected error of advantage + V(s), predicted. An error of V(s) alone is a baseline: "
+    "it adds noise to the gradient, but no bias.",
     "standard deviation": "Of the advantage between paths, predicted from the rewards' noise.",
     "horizon 1/(1 − γλ)": "Sum of all weights on an endless path: how far the estimate looks.",
     "bias, measured": "The bias over the paths that were sampled with this λ.",
