@@ -571,8 +571,8 @@ PRESETS = {
     ),
     "Mismatch": Preset(
         {"requested": "reliable", "node": "perception"},
-        "The camera offers best effort, perception requests reliable: nothing is heard, and no "
-        "error is printed. Let the writer offer reliable.",
+        "The camera offers best effort, perception requests reliable: nothing arrives, and no "
+        "program stops. ROS 2 only logs a warning. Let the writer offer reliable.",
     ),
     "Lossy wire": Preset(
         {"loss": 1.0, "node": "camera"},
@@ -606,15 +606,15 @@ PAPER = draw.Paper(TITLE, word, colour)
 # What each number below the picture means.
 READOUTS = {
     "command age": "Age of the camera image behind the command that acts right now.",
-    "mean command age": "Mean age of the command over the run.",
-    "loop late by": "Largest delay between the control loop's due time and its start so far.",
+    "mean command age": "Mean age of the command over the run, without the first two seconds.",
+    "loop late by": "Largest delay of a control cycle after its due time, over the whole run.",
     "lateness bound": "Upper bound of that delay from response-time analysis.",
     "ticks skipped": "Control ticks that did not run because the previous one had not finished.",
     "images lost": "Images that never arrived at perception, measured.",
     "loss expected": "Fraction of lost images that theory predicts for these settings.",
     "queue dropped": "Messages that a full queue discarded.",
-    "deadlines missed": "How often a message arrived later than the subscriber's deadline.",
-    "monitor": "Whether the safety monitor still receives the data of its zone.",
+    "deadlines missed": "Deadlines that passed at the subscriber without a new message.",
+    "monitor": "Whether the safety monitor has received the zone, which is published once.",
 }
 
 MODEL = Model(

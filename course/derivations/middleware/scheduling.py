@@ -302,9 +302,8 @@ def inversion_is_bounded(result):
     result.statement_holds(
         one < section + 1e-6,
         only_if="the lock uses priority inheritance or a ceiling and goes to the most urgent "
-        "waiter first, its holder waits for nothing, no other task of the same or a higher "
-        "priority, its own or lent to it by a lock, runs or waits for a lock, and no interrupt "
-        "stops the holder",
+        "waiter first. Its holder waits for nothing, and no interrupt stops it. No other task of "
+        "the same or a higher priority (its own, or lent by a lock) runs or waits for a lock",
         inside=[
             *(bounded(kind, *x) for x in drawn for kind in kinds),
             *(urgent_wait(n, waiting=n) <= n for n in work),

@@ -80,8 +80,8 @@ def told_of_a_crash(lease):
     "pipes, and no rule of the launch file stops them together. If one of them accesses an invalid "
     "address and crashes, the others go on running.",
     "Within one process, the crash ends all of them. But the other nodes are not told: on the "
-    "bus, {events:.0f} events were raised without a lease or deadline, and {told:.0f} with one. "
-    "(DDS also notices when a whole process stops answering, seconds later.) A client that waits "
+    "bus, {events:.0f} events were raised without a lease, and {told:.0f} with one. (DDS also "
+    "notices when a whole process stops answering, seconds later.) A client that waits "
     "for a reply keeps waiting. That the arm then holds its position has to be programmed.",
 )
 def processes_isolate(result):
@@ -396,9 +396,8 @@ def seven_billion_on_board(result):
     result.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
     result.statement_holds(
         bool(traffic(2, chunk) > pc),
-        only_if="each inference reads every weight, and the bytes of a weight, divided by the "
-        "actions per inference, exceed {least:.2f} in a PC whose memory delivers {pc:.1f} GB/s, "
-        "and in another one in proportion to what its memory delivers",
+        only_if="each inference reads every weight, and {formula} is more than the memory delivers. "
+        "At {pc:.1f} GB/s that is the case above {least:.2f} bytes per weight and action",
         # The same quotient, with one action per inference and with several.
         inside=[traffic(x) > pc for x in sizes]
         + [traffic(x * a, a) > pc for x, a in zip(sizes, few, strict=True)],

@@ -364,8 +364,8 @@ def threads_cure_deadlock(result):
 
 @claim(
     "A service call blocks the other callbacks of its node.",
-    "It blocks only those that share an exclusive group, or the only free thread, with the "
-    "callback that waits for the reply, or with the one that makes it. (`await` in rclpy gives the "
+    "It blocks only those that need the exclusive group or the only free thread of the callback "
+    "that waits, or of the service's own callback. (`await` in rclpy gives the "
     "thread back, but not the group.) While a service took "
     "{work_ms:.0f} ms of each second, another timer ran {held:.0f} of {due:.0f} times. It ran "
     "{free:.0f} times with an asynchronous call, and {apart:.0f} times in a group and on a thread"
@@ -409,9 +409,8 @@ def service_blocks(result):
     result.statement = "A node with two timers on the bus, ten seconds."
     result.statement_holds(
         free < 0.9 * due,
-        only_if="they share an exclusive group with the callback that waits for the reply or with "
-        "the one that makes it, or they share the only free thread with one that does not give "
-        "the thread back while it waits",
+        only_if="they need the exclusive group of the callback that waits or of the service's own "
+        "callback, or these callbacks occupy all threads (`await` in rclpy gives the thread back)",
         inside=[held(True, x) < 0.9 * due for x in drawn] + [served(x) < due for x in drawn],
         outside=[held(False, x) < 0.9 * due for x in drawn]
         + [held(True, x, apart=True) < 0.9 * due for x in drawn]
