@@ -1,7 +1,7 @@
 """Works nine times in ten: whose fault is the tenth? A procedure, and the faults that test it.
 
-First the contracts at the interfaces, upstream first, as what is wrong there makes all that follows
-look wrong; then replays of the same seed with one stage ideal, then with two.
+First the contracts at the interfaces, upstream first: a convention, since a record does not hold
+when each broke. Then replays of the same seed with one stage ideal, then with two.
 """
 
 from __future__ import annotations

@@ -653,14 +653,16 @@ PRESETS = {
     "Noise, no filter": Preset(
         {"filtered": False},
         "Every image is believed as it is: the goal "
-        "jumps, the plan is thrown away, and the arm waits for the next plan. Turn the filter on.",
-        "Every image is believed as it is: the goal jumps, the plan is thrown away, and the arm "
-        "waits for the next plan.",
+        "jumps, and many plans are thrown away soon after the arm has begun to follow them. Turn "
+        "the filter on.",
+        "Every image is believed as it is: the goal jumps, and many plans are thrown away soon "
+        "after the arm has begun to follow them.",
     ),
     "Planner step to minimum": Preset(
         {"edge": 0.01},
-        "Thousands of collision checks at 20 us "
-        "each: the plan runs out of samples or comes late, and the arm waits.",
+        "The planner adds edges of at most 0.01 "
+        "rad, so its 800 samples run out before it reaches the goal. Mostly there is no plan, and "
+        "the arm stays where it is. The checks themselves take only about 30 ms.",
     ),
     "Kp high, Kd zero": Preset(
         {"kp": 150.0, "kd": 0.0},
@@ -682,7 +684,7 @@ PRESETS = {
         {"dt": 20.0},
         "The step exceeds the stability limit of the "
         "posture. The simulation creates energy, and only the torque limits keep the arm from "
-        "flying off. More damping lowers the limit; folding the arm raises it.",
+        "flying off. More damping lowers the limit, and no posture allows this step.",
     ),
     "Cancelling errors": Preset(
         {"speed": 0.03, "noise": 0.01, "bias": (-0.012, -0.005)},
@@ -725,9 +727,10 @@ PRESETS = {
             "speed": 0.1,
         },
         "Nothing works, and no single "
-        "stage cures it. Read the contract that broke first, fix that stage, and read again.",
-        "Nothing works, and no single stage cures it. The contract that broke first says which "
-        "stage to repair first.",
+        "stage cures it. Fix the stage whose broken contract is nearest to the camera, and read "
+        "again.",
+        "Nothing works, and no single stage cures it. The line *Fix it* names the broken contract "
+        "that is nearest to the camera: begin with its stage.",
     ),
 }
 
@@ -737,9 +740,10 @@ READOUTS = {
     "successes [%]": "Successful runs among the seeds counted, with a 95 % confidence interval.",
     "latency of a frame": "Time from taking a camera image to its result.",
     "collision checks": "Collision checks of the planner in this run, and how many plans it made.",
-    "largest stable dt": "Largest physics step that is stable in this posture.",
+    "largest stable dt": "Largest stable physics step in the posture at the end of the first plan.",
     "energy from nowhere": (
-        "Rise of the energy that no motor or gravity explains: a sign of an unstable integrator."
+        "Rises of the energy that neither the moving reference nor a motor at its limit explains, "
+        "divided by the largest energy: a sign of an unstable integrator."
     ),
     "this run": "How the run shown ends.",
     "cured alone by": "The single stage whose ideal version turns this failure into a success.",

@@ -1444,9 +1444,9 @@ table(
         "Overload",
         "the loop shares perception's thread",
         "cycles late and skipped",
-        f"late by up to {1e3 * (once + LOOP):.1f} ms, if a cycle is due just after the thread has made its list: the "
-        f"list holds the previous cycle ({1e3 * LOOP:.1f} ms) and perception ({1e3 * once:.1f} ms, because other "
-        f"programs on the core stretch its {1e3 * SEEING:.0f} ms)",
+        f"late by up to {1e3 * (once + LOOP):.1f} ms. If a cycle is due just after the thread has made its list, it "
+        f"waits for the previous cycle, {1e3 * LOOP:.1f} ms, and for perception. That takes {1e3 * once:.1f} ms here, "
+        f"because other programs on the core stretch its {1e3 * SEEING:.0f} ms",
     ),
     (
         "Inversion",

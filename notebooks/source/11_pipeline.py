@@ -320,7 +320,7 @@ show("lag_of_the_arm")
 # Here are the other causes in the budget.
 #
 # * **Bias** reaches the tip nearly unchanged. It is the same in every frame, so averaging frames does not remove it.
-# * **Noise** is reduced by the filter first, then by the slow arm. If the noise is independent from frame to frame, the
+# * **Noise** that is independent from frame to frame is reduced by the filter first, then by the slow arm. The
 #   filter's **noise gain** is the variance of its output divided by the variance of one frame. At first the filter does
 #   not know the target's speed, so its output is also a little behind the target, a small mean error. A well damped arm
 #   is a **low pass**: it follows slow changes of the estimate. It averages out changes that last less than its time
@@ -500,12 +500,16 @@ Markdown(
     f"{gap_y:.2f}) mm. The standard error of this difference is ({chance[0]:.2f}, "
     f"{chance[1]:.2f}) mm, so chance can explain it. The black cross around the triangle "
     "shows two standard errors.\n\n"
-    f"The line of perception is shorter than the bias of ({bias_x:.2f}, {bias_y:.2f}) mm. One "
-    "reason: the filter does not know the target's speed exactly yet. By formula this adds "
-    f"({mean_x - bias_x:.2f}, {mean_y - bias_y:.2f}) mm, so the line should end at ({mean_x:.2f}, "
-    f"{mean_y:.2f}). It ends at ({alone_x:.2f}, {alone_y:.2f}). Chance can explain the rest, "
-    f"({alone_x - mean_x:.2f}, {alone_y - mean_y:.2f}) mm: it is less than two standard errors, and "
-    f"one is ({sure_x:.2f}, {sure_y:.2f}) mm.\n\n"
+    "The line of perception is shorter than the bias. One reason: the filter does not know the "
+    "target's speed exactly yet, which has an effect that a formula predicts. Chance can explain "
+    "the rest, because it is less than two standard errors.\n\n"
+    "| mean error of perception | along x [mm] | along y [mm] |\n|---|---|---|\n"
+    f"| bias | {bias_x:.2f} | {bias_y:.2f} |\n"
+    f"| effect of the filter, by formula | {mean_x - bias_x:.2f} | {mean_y - bias_y:.2f} |\n"
+    f"| predicted: bias plus filter | {mean_x:.2f} | {mean_y:.2f} |\n"
+    f"| measured: end of the line | {alone_x:.2f} | {alone_y:.2f} |\n"
+    f"| rest: measured minus predicted | {alone_x - mean_x:.2f} | {alone_y - mean_y:.2f} |\n"
+    f"| standard error of the measured value | {sure_x:.2f} | {sure_y:.2f} |\n\n"
     f"In the third panel, ideal control alone saves practically nothing ({saved:.0f} mm²), though "
     "the share of control is positive. Ideal control removes the lag, but also the low pass that "
     "averages the noise.\n\n"
@@ -535,9 +539,10 @@ more_claims("root_sum_square")
 # cannot say: the two results differ by a single run.
 #
 # In a simulator you can often remove most of that uncertainty. Run both variants with the same seeds, so that both face
-# the same noise in the same frames. When you subtract the results, the common effect of the noise cancels. These are
-# **common random numbers**. They work only if the random numbers of both variants stay in step. The simplest way, used
-# here, is a generator for each stage: then one number fewer in one stage does not shift the numbers of the others.
+# the same noise in the same frames. If the noise affects both variants alike, its effect cancels when you subtract the
+# results. These are **common random numbers**. They work only if the random numbers of both variants stay in step. The
+# simplest way, used here, is a generator for each stage: then one number fewer in one stage does not shift the numbers
+# of the others.
 
 # %% tags=["hide-code"]
 own, paired = (figure("ninety_or_ninety_five", name) for name in ("own", "same"))
@@ -721,8 +726,10 @@ simulation("pipeline", "Stale camera")
 #
 # ### What to break
 #
-# The table lists five ways to break the pipeline. Each is a preset of the simulation. The last column is measured, or
-# computed for control and physics.
+# The table lists five ways to break the pipeline. Each is similar to a preset of the simulation. The last column is
+# computed for control and physics, and measured for the others. For planning (a step of 0.002 rad) and for everything,
+# we measured more extreme settings than the sliders allow. The planner in this table may take 20,000 samples; in the
+# preset it may take 800, which run out, so mostly there is no plan at all.
 
 # %% tags=["hide-code"]
 bent = record.plans[-1].value.goal  # the posture of the reach
@@ -765,7 +772,7 @@ broken_rows = {
         "all five stages are broken; after each failed run we reset one more stage, so the sixth "
         f"run succeeds at the latest. On average of 10 seeds it takes {by_contracts:.1f} runs if we "
         "always reset the stage whose broken contract is nearest to the camera, and "
-        f"{by_sliders:.1f} runs in random order. Most stages must be reset in any order, so no "
+        f"{by_sliders:.1f} runs in random order. Nearly all stages have to be reset anyway, so no "
         "order can save many runs",
     ),
 }
@@ -802,14 +809,16 @@ table(
 
 # %% [markdown]
 # Between 4 and 1 ms, halving the step about halves the error, as expected for a first-order method. At 8 ms, close to
-# the stability limit, this rule does not apply. From 1 to 0.5 ms the error falls to about a third: we measure the
-# distance to the run at 0.25 ms, which is proportional to the step minus 0.25 ms, so to 0.75 and 0.25.
+# the stability limit, this rule does not apply. From 1 to 0.5 ms the error falls to about a third. The reason: the
+# run at 0.25 ms, against which we measure, has an error of its own. So the distance is proportional to the step minus
+# 0.25 ms, which is 0.75 ms at first and then 0.25 ms, a third.
 #
 # Are two parameters enough? We measured bias and noise on rendered images. Then we ran the pipeline both ways, with
-# equal settings. The chart compares the final errors along the target's motion and across it. Each point is a
-# **quantile**, the value below which a certain share of the runs lies. Its horizontal position is the quantile with two
-# parameters, its vertical position the same quantile with images, both minus the median with two parameters. Points on
-# the diagonal mean equal distributions; a flatter line means less spread with images.
+# equal settings. The chart compares the final errors along the target's motion and across it. If both ways had equal
+# distributions, all points would lie on the diagonal; a flatter line means less spread with images. Each point belongs
+# to one share of the runs. The value below which this share lies is called a **quantile**: horizontally that of the
+# runs with two parameters, vertically that of the runs with images. (The median with two parameters is subtracted from
+# both.)
 #
 # ![Quantiles of the final error with images against those with two parameters](../docs/charts/two_numbers.png)
 
@@ -914,9 +923,10 @@ more_claims("planner_step", "high_gain_overshoots")
 # ### Clearance, and a disc that is not where the camera saw it
 #
 # A planner keeps a path at a clearance $b$ from each disc. But the camera does not see a disc exactly where it is.
-# Suppose its error is normal with standard deviation $s$ on each axis. A straight path touches the disc if the disc is
-# really nearer to the path than the camera reported, by more than $b$. For $b = 2 s$ that happens in 2.3 % of the
-# cases. A path that bends *around* the disc is close to it on more sides, so it touches more often.
+# Suppose its error is normal with mean zero and the standard deviation $s$ in every direction. A straight path touches
+# the disc if the disc is really nearer to the path than the camera reported, by more than $b$. For $b = 2 s$ that
+# happens in 2.3 % of the cases. A path that bends *around* the disc is close to it on more sides, so it touches more
+# often.
 
 # %% tags=["hide-code"]
 rng_drawing = np.random.default_rng(1)
@@ -1021,8 +1031,8 @@ table(["angle of the elbow", "largest stable step [ms]"], *rows)
 #
 # Treat the $k_p$ term as a spring. In continuous time and on a level table, the energy of arm and spring together can
 # rise for two reasons only: the reference moves, or a torque differs from the law (a motor at its limit). **Energy from
-# nowhere** is the sum of all rises that neither of them explains, divided by the largest energy in the run. It can
-# exceed 1.
+# nowhere** is the sum of all rises that neither reason explains, divided by the largest energy in the run. It can
+# exceed 1, because a rise that is lost again counts each time.
 
 # %%
 show("largest_step")
@@ -1244,8 +1254,9 @@ plt.show()
 #
 # These runs have no injected fault, so every alarm comes from the noise, also in runs that fail.
 #
-# The table compares two kinds of alarm with a formula. Correlation multiplies the variance of a run's mean by about
-# $(1 + \varphi)/(1 - \varphi)$, here 19.
+# For two kinds of alarm, the table counts the runs with such an alarm, of 100. The number in brackets is the percentage
+# that a formula predicts. Correlation multiplies the variance of a run's mean by about $(1 + \varphi)/(1 - \varphi)$,
+# here 19.
 #
 # <details><summary>Alarms of single frames</summary>
 #
@@ -1378,8 +1389,9 @@ show("one_repair_cures")
 # **Debugging tip.** *Every component passes its own test, and the whole misses.* Look at what no component test covers:
 # the time stamp (is it that of the arrival?), the coordinate frame (is its rotation matrix transposed?), the covariance
 # (metres or pixels?), the reference after a new plan (does it jump?). Test with a target at rest, then with a moving
-# one. If an error appears only with motion, look first at age and lag. Turn the camera and enter its new orientation.
-# If the error turns too, look at the camera: its calibration or a bias of the detector.
+# one. If an error appears only with motion, look first at age, lag and a filter that has not learned the target's
+# speed. Turn the camera and enter its new orientation. If the error turns too, look at the camera: its calibration or a
+# bias of the detector.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1406,7 +1418,7 @@ show("one_repair_cures")
 #
 # | symptom | likely cause | test | fix |
 # |---|---|---|---|
-# | misses a moving target, hits one at rest | age or lag | double the target's speed: both errors double; then halve $k_d$ (if the arm stays damped): lag about halves, age stays | predict the target to the present; feed the reference rate forward |
+# | misses a moving target, hits one at rest | age, lag, or a filter that has not learned the speed | double the target's speed: all three errors double; then halve $k_d$ (if the arm stays damped): lag about halves; observe the target for longer: the filter's part shrinks | predict the target to the present; feed the reference rate forward |
 # | the arm stops and starts again | plans are thrown away | count the plans in a run | a filter; a larger replanning distance; keep the old plan meanwhile |
 # | rattles when stretched, quiet when folded | physics step above the limit of that posture | log the energy; halve the step | smaller step; damping at the new velocity (MuJoCo: `implicitfast`) |
 # | misses by the same vector every day | bias or tilt | with a fixed camera, move the target by 90 degrees around the arm's base: a constant bias keeps its error vector, a sag does not | calibrate; level the table |
@@ -1994,9 +2006,9 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 # <details><summary>An answer, from this chapter's figures</summary>
 #
 # *First* I'd ask whether 8 mm is a mean or a random error: many runs on known seeds, with the error as a vector. A mean
-# error has a direction. If it turns with the motion and always points along it, it is age or lag. If it is the same for
-# all motions, it is bias or tilt. One direction of motion cannot tell them apart: a bias may happen to lie along it. A
-# random error is measurement noise that has passed the filter and the arm.
+# error has a direction. If it turns with the motion and always points along it, it is age, lag or a filter that has not
+# learned the speed. If it is the same for all motions, it is bias or tilt. One direction of motion cannot tell them
+# apart: a bias may happen to lie along it. A random error is measurement noise that has passed the filter and the arm.
 #
 # *Second* I'd predict each contribution with its formula and add them with signs. A gap between the prediction and the
 # measurement means that something is missing from my list. I want to know that before I tune anything.

@@ -333,9 +333,9 @@ def reliable_arrives(result):
     result.statement = "Bursts on Cyclone DDS, whose reader looks afterwards; losses on the bus."
     result.statement_holds(
         retained == burst,
-        only_if="both ends are compatible and stay alive, the writer has discovered the reader before "
-        "it sends, and no outage is longer than the lease, so that it does not lose the reader "
-        "again. Neither queue overflows, and no lifespan ends",
+        only_if="both ends are compatible and stay alive, the writer has discovered the reader "
+        "before it sends, and no outage is longer than the lease, so that it does not lose the "
+        "reader again. Neither queue overflows, and no lifespan ends",
         inside=[*inside, long.lost == 0, awful.lost == 0 and awful.received == 300],
         outside=[*outside, history(QoS(), QoS(), 3, late=True) == [0, 1, 2]],
     )

@@ -396,8 +396,9 @@ def seven_billion_on_board(result):
     result.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
     result.statement_holds(
         bool(traffic(2, chunk) > pc),
-        only_if="each inference reads every weight, and {formula} is more than the memory delivers. "
-        "At {pc:.1f} GB/s that is the case above {least:.2f} bytes per weight and action",
+        only_if="each inference reads every weight, and the bytes per weight and action are more "
+        "than {least:.2f} in a PC whose memory delivers {pc:.1f} GB/s; this limit is proportional "
+        "to what the memory delivers",
         # The same quotient, with one action per inference and with several.
         inside=[traffic(x) > pc for x in sizes]
         + [traffic(x * a, a) > pc for x, a in zip(sizes, few, strict=True)],

@@ -282,9 +282,9 @@ def wrong_clock_fails(result):
     result.statement = "A sender with its clock at random offsets; lookups 0.2 s in the past."
     result.statement_holds(
         looked_up(offset) is None,
-        only_if="the transform is not static, and the lookup requests a certain time, of age x, and "
-        "not the newest transform. Since before that time, the clock has been behind by more than "
-        "x plus the timeout, or ahead by more than the buffer's length minus x",
+        only_if="the transform is not static, and the lookup requests a certain time, of age x, "
+        "and not the newest transform. Since before that time, the clock has been behind by more "
+        "than x plus the timeout, or ahead by more than the buffer's length minus x",
         inside=[
             looked_up(float(x)) is None
             for x in (

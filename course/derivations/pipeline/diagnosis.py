@@ -161,11 +161,11 @@ WORST: dict[str, dict[str, Any]] = {
 
 @claim(
     "With everything at its worst, contracts lead back sooner than turning sliders.",
-    "No single slider is enough. Turning back the stage with the broken contract nearest to the "
-    "camera, then the next, took {contracts:.1f} runs on average, the failed one counted. Turning "
-    "stages back in any order, and leaving them there, took {kept:.1f}: no clear difference. Only "
-    "testing all sets of sliders, smallest first, is slow, with {sliders:.0f} runs. Contracts "
-    "save guessing here, hardly any runs.",
+    "Resetting a single stage is not enough. Resetting the stage with the broken contract nearest "
+    "to the camera, then the next, took {contracts:.1f} runs on average, the failed one counted. "
+    "Resetting one stage after the other in random order took {kept:.1f}: no clear difference. "
+    "Only trying every combination of stages, from one stage up, is slow, with {sliders:.0f} runs. "
+    "Contracts save guessing here, hardly any runs.",
 )
 def contracts_before_sliders(result):
     from course.pipeline import Scenario, Settings, run
@@ -313,9 +313,9 @@ def repeated_actions(result):
     result.statement = "The walker's chain at 10 ms, and at 1 ms with each action ten times."
     result.statement_holds(
         same(path, unconverted),
-        only_if="the rewards of the ten short steps sum to that of one old step, and behaviours "
-        "count as equally good if their values differ by less than one old step is worth: its "
-        "cost, its discount and its chance of a fall",
+        only_if="the rewards of the ten short steps sum to that of one old step, and we ignore "
+        "differences in value that are smaller than what one old step can change by its cost, its "
+        "discount and its chance of a fall",
         inside=[same(walker) for walker in [*draws, *others, *ties]],
         outside=[same(walker, unconverted) for walker in draws],
     )
