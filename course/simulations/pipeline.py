@@ -684,7 +684,8 @@ PRESETS = {
         {"dt": 20.0},
         "The step exceeds the stability limit of the "
         "posture. The simulation creates energy, and only the torque limits keep the arm from "
-        "flying off. More damping lowers the limit, and no posture allows this step.",
+        "flying off. With these gains no posture allows this step, and more damping lowers the "
+        "limit.",
     ),
     "Cancelling errors": Preset(
         {"speed": 0.03, "noise": 0.01, "bias": (-0.012, -0.005)},
