@@ -255,26 +255,26 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 # ### Offer and request: the quality of service
 #
 # Should a lost message be sent again? Should a subscriber that starts later receive old messages? Both ends of a topic
-# have settings for this. **Quality of service** (QoS) is the set of these settings, and each setting is a
-# **policy**. A **profile** is one end's choice for all policies.
+# have settings for this, together called **quality of service** (QoS). Each setting is a **policy**. A **profile** is
+# one end's choice for all policies.
 #
 # * Reliability. *Reliable*: a message that the network loses is sent again. **Best effort**: it is not.
 # * Durability. *Volatile*: nothing is stored for later subscribers. **Transient local**: the writer stores its last
-#   messages as long as it lives. A **late joiner** is a reader that appears after they were written. It still gets them
-#   if both ends are transient local and reliable and the writer still exists. How many depends on the depth (below).
+#   messages as long as it lives. A **late joiner**, a reader that appears after they were written, still gets them
+#   if both ends are transient local and reliable.
 # * Deadline: the longest allowed time between two messages. Each time it passes after the first message, DDS raises an
-#   event at the end that set it, until it knows that the writer is gone.
-# * **Liveliness**: how a writer proves that it is alive. The middleware does it (*automatic*), or the writer itself has
-#   to send a message or make a call (*manual by topic*). If the writer gives no such sign for the length of
-#   its **lease**, it counts as dead.
-# * History and depth. With **keep last**, each end stores only the newest messages, and the **depth** is how many. With
-#   **keep all**, and memory permitting, it stores every message until the reader has taken it.
-# * **Lifespan**: the time after which a message is discarded. Middleware counts it from sending or from arrival.
+#   event at the end that set it, as long as the writer exists.
+# * **Liveliness**: how a writer proves that it is alive. The middleware does it (*automatic*), or the writer itself
+#   sends a message or makes a call (*manual by topic*). Without such a sign for the length of its **lease**, the writer
+#   counts as dead.
+# * History and depth. With **keep last**, each end stores only the newest messages; the **depth** is how many. With
+#   **keep all**, memory permitting, it stores every message until the reader has taken it.
+# * **Lifespan**: the time after which a message is discarded, counted from sending or from arrival.
 #
 # The writer *offers*, the reader *requests*. Four of these policies are ranked: reliability, durability, deadline, and
 # liveliness with its lease. If the writer offers less than the reader requests in any ranked policy, DDS does not
-# connect the two. For times, shorter promises more: a deadline of 50 ms offers more than 100 ms. History, depth and
-# lifespan are not compared, so they never prevent a connection.
+# connect the two. For times, shorter promises more: 50 ms offers more than 100 ms. History, depth and lifespan are not
+# compared, so they never prevent a connection.
 
 # %% tags=["hide-code"]
 local = {"durability": "transient_local"}
@@ -738,9 +738,8 @@ show("inversion_is_bounded")
 # A planner passes trajectories to the control loop. The loop wants the newest one, whole, and must not wait. A **triple
 # buffer** has three slots: the writer owns one, the reader owns one, and the third is in between. To publish, the
 # writer fills its slot and swaps it for the slot in between, in one **atomic** step: no other thread can see it half
-# done. The reader swaps its slot in the same way when a flag says that the one in between is new. Neither ever waits
-# for the other, and no slot is copied while it is written. (Older ARM cores build the swap from a short loop that may
-# repeat.)
+# done. The reader swaps its slot in the same way when a flag says that the one in between is new. Neither waits for the
+# other, and no slot is copied while it is written.
 
 # %% tags=["hide-code"]
 header = (Path(controller.SOURCE).parent / "newest_value.hpp").read_text()
@@ -776,22 +775,26 @@ Markdown(f"```cpp\n{triple.rstrip()}\n```")
 #
 # *The points of a line are the times that 50, 99 and 99.9 % of the calls do not exceed, and the slowest of all calls.
 # "A copy, not shared" copies a value that no other thread uses. First three panels: the reader, with real-time
-# priority. Last panel: the writer, an ordinary thread. Each printed line gives the same four times of a method in the
-# second panel ("loaded"), then the number of calls.*
+# priority. Last panel: the writer, an ordinary thread. The printed lines give these four times and the number of calls
+# for the second panel ("loaded").*
 
 # %%
 figures(read("handover_waits"), "loaded, triple", "loaded, mutex", "loaded, std")
 
 # %% [markdown]
-# With every method, half of the calls take less than a microsecond. The slow calls differ. In the first panel, reader
-# and writer have a core each. There a reader that meets a locked mutex waits much longer than one copy takes, probably
-# because the system puts it to sleep and has to wake it again.
+# With every method, half of the calls take less than a microsecond. The slow calls differ. In the second panel, the
+# writer can be interrupted while it holds `std::mutex`. Then the urgent reader waits until the scheduler lets the
+# writer run again, for many periods. Inheritance ends most of this wait. The triple buffer has no lock to wait for, so
+# its calls are about as long as those of a plain copy. (The slowest of 11,000 calls is not a bound.)
 #
-# In the second panel, the writer can be interrupted while it holds `std::mutex`. Then the urgent reader waits until the
-# scheduler lets the writer run again, for many periods. In the third panel, with less load, this is rarer. Inheritance
-# ends most of this wait. The triple buffer has no lock to wait for, so its calls are about as long as those of a plain
-# copy. (The slowest of 11,000 calls is not a bound.) In the last panel the method makes no difference: the writer's
+# <details><summary>The other three panels</summary>
+#
+# In the first panel, reader and writer have a core each. There a reader that meets a locked mutex waits much longer
+# than one copy takes, probably because the system puts it to sleep and has to wake it again. In the third panel, with
+# less load, the writer is interrupted more rarely. In the last panel the method makes no difference: the writer's
 # slowest calls are probably those that the scheduler interrupts.
+#
+# </details>
 
 # %% [markdown]
 # ### Executors: who waits for a thread
@@ -911,8 +914,7 @@ more_claims("not_real_time_by_default", "callback_over_a_period", "callback_sets
 #
 # *Late* data waited somewhere: in a queue, on the link (for its turn, or to be sent again), behind other callbacks in
 # the executor, or behind other tasks on the core. Or the message is large, and turning it into bytes and sending it
-# takes long. Or it only seems late, because its stamp comes from a clock that is not synchronised. Find out where the
-# time goes, and compute the longest wait.
+# takes long. Or its stamp comes from a clock that is not synchronised. Find out where, and compute the longest wait.
 #
 # </div>
 
@@ -997,16 +999,16 @@ plt.show()
 # effort, depth 1, with a receive buffer that is large enough (see below)</td> <td>only the newest image counts; on a
 # slow link, an image that is sent again arrives when a newer one is due</td></tr> <tr><td>perception → planner</td>
 # <td>best effort, depth 1, deadline of three camera periods</td> <td>the next scene (the objects in an image) replaces
-# a lost one; the planner must notice if several in a row are missing. It also checks the age of the newest scene,
-# because a deadline reports neither a writer that never wrote nor one that was closed</td></tr> <tr><td>planner →
-# controller</td> <td>reliable, depth 1, a whole trajectory with times</td> <td>the next trajectory comes only after 100
-# ms; until then the controller interpolates</td></tr> <tr><td>controller → drives</td> <td>no middleware: the same
-# thread</td> <td>a late torque means that the old one acts on; several in a row can make the arm shake</td></tr>
-# <tr><td>joint states → perception, planner, safety monitor</td> <td>best effort, depth 1, each with its time
-# stamp</td> <td>perception computes the camera's pose from them, plans start from them, and the monitor checks them;
-# the next one comes within milliseconds</td></tr> <tr><td>safety monitor → controller, screen</td> <td>reliable,
-# transient local, depth 1, manual by topic with a lease</td> <td>a late subscriber needs the current status; if the
-# monitor's own loop gives no sign of life, the controller must stop the arm</td></tr> </table>
+# a lost one; the planner must notice if several in a row are missing, also by the newest scene's age, because no
+# deadline reports a writer that never wrote or was closed</td></tr> <tr><td>planner → controller</td> <td>reliable,
+# depth 1, a whole trajectory with times</td> <td>the next trajectory comes only after 100 ms; until then the controller
+# interpolates</td></tr> <tr><td>controller → drives</td> <td>no middleware: the same thread</td> <td>a late torque
+# means that the old one acts on; several in a row can make the arm shake</td></tr> <tr><td>joint states → perception,
+# planner, safety monitor</td> <td>best effort, depth 1, each with its time stamp</td> <td>perception computes the
+# camera's pose from them, plans start from them, and the monitor checks them; the next one comes within
+# milliseconds</td></tr> <tr><td>safety monitor → controller, screen</td> <td>reliable, transient local, depth 1, manual
+# by topic with a lease</td> <td>a late subscriber needs the current status; if the monitor's own loop gives no sign of
+# life, the controller must stop the arm</td></tr> </table>
 #
 # How old is the image behind a command at the **drives**, the electronics that move the motors? Chapter 0 added up the
 # execution times and the waits between stages. The chart does the same for four variants of this stack. Blue is
@@ -1400,7 +1402,7 @@ more_claims("any_joint_message")
 # Select a topic, and set the policies of its publisher and its subscriber. A red line is a silent pair, with the policy
 # that fails; bold lines belong to the selected node; a moving dot is an image. Below the graph you see which tasks run
 # at each moment, and the age of the command that the drives use ("command in force"). All numbers but the first are
-# about the whole run of five seconds (the mean age omits the first two).
+# about the whole run, five seconds (the mean age omits the first two).
 #
 # Unlike the design of section 3, this stack sends images over a link and commands as messages, and its clocks have
 # fixed phases. So its mean age differs. Start with the preset *Deep queue*, and set the subscriber's depth to 1: what
@@ -1725,13 +1727,12 @@ with loop.urgent() as granted:
 #
 # * A **page fault**: memory that the loop touches is not in RAM yet. Allocating and *locking* it beforehand prevents
 #   this.
-# * A **garbage collection**: to find unused objects, Python stops everything that runs in its interpreter.
+# * A **garbage collection**: Python stops everything in its interpreter to find unused objects.
 # * Locks, hardware interrupts, and two scheduling classes that Linux serves before SCHED_FIFO: *stop* (the kernel's own
 #   tasks) and SCHED_DEADLINE (`man 7 sched`).
 # * **Real-time throttling**: from about version 5.10 to 6.11, Linux by default gave the real-time tasks of a core at
 #   most 950 ms of each second (`/proc/sys/kernel/sched_rt_runtime_us`). A FIFO loop that never slept was stopped for
-#   the other 50 ms. (Before, a core could borrow time from the others.) Since 6.12 a deadline server reserves time for
-#   ordinary tasks instead.
+#   the other 50 ms. Since 6.12 a deadline server reserves time for ordinary tasks instead.
 #
 # A real-time kernel shortens some of these waits, but page faults and garbage collection remain. *PREEMPT_RT* is a
 # configuration of the Linux kernel with which a more urgent task can preempt most of the kernel's own code.
@@ -1837,10 +1838,16 @@ plt.show()
 # ![Error of a lookup against look-ahead, and against the time between transforms](../docs/charts/transform_lookups.png)
 #
 # For a look-ahead well above $T$, the bound of the linear continuation grows with the square of the look-ahead, and the
-# bound of holding only in proportion to it. Each point of the chart is the largest error over a whole swing of 2 s. If
-# the look-ahead exceeds 0.3 of this swing (dotted), continuing the line is worse than holding: the camera has turned
-# back, but the line goes on. For "SciPy's Slerp", NumPy interpolates the positions, with the same error as our buffer.
-# The printed times are per lookup, for many lookups in one call.
+# bound of holding only in proportion to it. If the look-ahead exceeds 0.3 of a swing (dotted), continuing the line is
+# worse than holding: the camera has turned back, but the line goes on. The printed times are per lookup, for many
+# lookups in one call.
+#
+# <details><summary>More about the chart</summary>
+#
+# Each point is the largest error over a whole swing of 2 s. For "SciPy's Slerp", NumPy interpolates the positions, with
+# the same error as our buffer.
+#
+# </details>
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 timing = next(line for line in read("transform_lookups").splitlines() if "of a lookup" in line)
@@ -1890,8 +1897,8 @@ table(
 )
 
 # %% [markdown]
-# The dangerous row is the second one: a small offset raises no exception. The error is about speed times offset. These
-# lookups don't wait. With a timeout of 0.2 s, the third row would raise no exception either.
+# The dangerous row is the second one: a small offset raises no exception. The error is about speed times offset. With a
+# timeout of 0.2 s, the third row would raise none either.
 #
 # When a simulation is restarted, its clock jumps back, and new transforms have older stamps than those of the previous
 # run. tf2's buffer clears itself when the clock of its own node jumps back. A node without `use_sim_time` never notices
@@ -1932,9 +1939,9 @@ more_claims(
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Messages arrive late.* Record the four timestamps. If all clocks agree, the longest interval shows
-# where the time went: in a wait or in work. Incompatible QoS is not the cause: with it, this reader would get nothing
-# at all from this writer.
+# **Debugging tip.** *Messages arrive late.* Record the four timestamps. The longest interval shows where the time went,
+# if all clocks agree. Incompatible QoS is not the cause: with it, this reader would get nothing at all from this
+# writer.
 #
 # <details><summary>What people get wrong here</summary>
 #
@@ -1971,7 +1978,7 @@ more_claims(
 #
 # Discovery and matching are two steps. First the programs find each other (DDS calls each a **participant**), and each
 # lists the writers and readers of the other. Then a writer and a reader are **matched** if domain, name and type agree,
-# the QoS is compatible, and nothing else forbids it, such as a security rule:
+# the QoS is compatible, and nothing else forbids it:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(8.4, 2.1), layout="constrained")
@@ -2114,8 +2121,8 @@ more_claims("mismatch_is_late", "listed_is_matched")
 # no lock in the loop</td></tr> <tr><td>period too long by a constant</td> <td>the loop sleeps for a period</td>
 # <td>measure the drift over a thousand periods</td> <td>sleep until the release</td></tr> <tr><td>a display that starts
 # late stays empty</td> <td>one end is volatile or best effort</td> <td>start the display before the writer. If it stays
-# empty, the writer offers too little; if it now shows something, nothing is stored for late readers</td> <td>transient
-# local and reliable at both ends; until the first status arrives, assume that it is unsafe</td></tr> </table>
+# empty, the writer offers too little; otherwise nothing is stored for late readers</td> <td>transient local and
+# reliable at both ends; until the first status arrives, assume that it is unsafe</td></tr> </table>
 #
 # ## 8 · Exercises
 #
@@ -2398,10 +2405,10 @@ plt.show()
 predict("chunk_hides")
 
 # %% [markdown]
-# A chunk that lasts at least as long as an inference hides the *pause*, not the age. When the last action of a chunk
-# ends, its image is as old as one inference plus the whole chunk. That is 100 + 20 = 120 ms with one action, and
-# 100 + 100 = 200 ms with five. With one action, however, the arm then stands still until the next action comes, and its
-# image ages to 200 ms as well.
+# A chunk at least as long as an inference hides the *pause*, not the age. When the last action of a chunk ends, its
+# image is as old as one inference plus the whole chunk. That is 100 + 20 = 120 ms with one action, and 100 + 100 = 200
+# ms with five. With one action, however, the arm then stands still until the next action comes, and its image ages to
+# 200 ms as well.
 #
 # The ages in the table include three more times: the camera's own, the wait for its next image, and the wait for the
 # arm's next action. So they are larger:

@@ -726,10 +726,9 @@ simulation("pipeline", "Stale camera")
 #
 # ### What to break
 #
-# The table lists five ways to break the pipeline. Each is similar to a preset of the simulation. The last column is
-# computed for control and physics, and measured for the others. For planning (a step of 0.002 rad) and for everything,
-# we measured more extreme settings than the sliders allow. The planner in this table may take 20,000 samples; in the
-# preset it may take 800, which run out, so mostly there is no plan at all.
+# The table lists five ways to break the pipeline. Each resembles a preset. The last column is measured, or computed for
+# control and physics. For planning (a step of 0.002 rad) and everything, the settings are beyond the sliders' ends. In
+# the planning preset, the samples run out: mostly there is no plan.
 
 # %% tags=["hide-code"]
 bent = record.plans[-1].value.goal  # the posture of the reach
@@ -809,16 +808,15 @@ table(
 
 # %% [markdown]
 # Between 4 and 1 ms, halving the step about halves the error, as expected for a first-order method. At 8 ms, close to
-# the stability limit, this rule does not apply. From 1 to 0.5 ms the error falls to about a third. The reason: the
-# run at 0.25 ms, against which we measure, has an error of its own. So the distance is proportional to the step minus
-# 0.25 ms, which is 0.75 ms at first and then 0.25 ms, a third.
+# the stability limit, this rule does not apply. From 1 to 0.5 ms the error falls to about a third: the run at 0.25 ms,
+# with which we compare, has an error of its own. So the distance is proportional to the step minus 0.25 ms, first 0.75
+# and then 0.25 ms.
 #
 # Are two parameters enough? We measured bias and noise on rendered images. Then we ran the pipeline both ways, with
 # equal settings. The chart compares the final errors along the target's motion and across it. If both ways had equal
-# distributions, all points would lie on the diagonal; a flatter line means less spread with images. Each point belongs
-# to one share of the runs. The value below which this share lies is called a **quantile**: horizontally that of the
-# runs with two parameters, vertically that of the runs with images. (The median with two parameters is subtracted from
-# both.)
+# distributions, all points would lie on the diagonal; a flatter line means less spread with images. A **quantile** is
+# the value below which a certain share of the runs lies. Each point is one quantile, with two parameters horizontally
+# and with images vertically. (The median with two parameters is subtracted from both.)
 #
 # ![Quantiles of the final error with images against those with two parameters](../docs/charts/two_numbers.png)
 
@@ -1254,9 +1252,8 @@ plt.show()
 #
 # These runs have no injected fault, so every alarm comes from the noise, also in runs that fail.
 #
-# For two kinds of alarm, the table counts the runs with such an alarm, of 100. The number in brackets is the percentage
-# that a formula predicts. Correlation multiplies the variance of a run's mean by about $(1 + \varphi)/(1 - \varphi)$,
-# here 19.
+# For two kinds of alarm, the table counts the runs, of 100, with a formula's percentage in brackets. Correlation
+# multiplies the variance of a run's mean by about $(1 + \varphi)/(1 - \varphi)$, here 19.
 #
 # <details><summary>Alarms of single frames</summary>
 #
@@ -1389,9 +1386,8 @@ show("one_repair_cures")
 # **Debugging tip.** *Every component passes its own test, and the whole misses.* Look at what no component test covers:
 # the time stamp (is it that of the arrival?), the coordinate frame (is its rotation matrix transposed?), the covariance
 # (metres or pixels?), the reference after a new plan (does it jump?). Test with a target at rest, then with a moving
-# one. If an error appears only with motion, look first at age, lag and a filter that has not learned the target's
-# speed. Turn the camera and enter its new orientation. If the error turns too, look at the camera: its calibration or a
-# bias of the detector.
+# one. If an error appears only then, look first at age, lag and the filter. Turn the camera and enter its new
+# orientation. If the error turns too, look at the camera's calibration or a detector bias.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1405,8 +1401,8 @@ show("one_repair_cures")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *A repair made it worse.* Do not undo it yet. Check on the same seeds that the error really grew
-# and that the repaired stage itself is better now. If so, the repair probably removed an error that had cancelled
-# another one. Look for stages whose mean error points the other way. Fix all of them, then compare again.
+# and that the repaired stage is better. If so, the repair probably removed an error that had cancelled another one.
+# Look for stages whose mean error points the other way. Fix all of them, then compare again.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1418,7 +1414,7 @@ show("one_repair_cures")
 #
 # | symptom | likely cause | test | fix |
 # |---|---|---|---|
-# | misses a moving target, hits one at rest | age, lag, or a filter that has not learned the speed | double the target's speed: all three errors double; then halve $k_d$ (if the arm stays damped): lag about halves; observe the target for longer: the filter's part shrinks | predict the target to the present; feed the reference rate forward |
+# | misses a moving target, hits one at rest | age, lag or the filter | double the target's speed: all double; then halve $k_d$ (if the arm stays damped): only lag about halves; observe twice as long: only the filter's part shrinks | predict the target to the present; feed the reference rate forward |
 # | the arm stops and starts again | plans are thrown away | count the plans in a run | a filter; a larger replanning distance; keep the old plan meanwhile |
 # | rattles when stretched, quiet when folded | physics step above the limit of that posture | log the energy; halve the step | smaller step; damping at the new velocity (MuJoCo: `implicitfast`) |
 # | misses by the same vector every day | bias or tilt | with a fixed camera, move the target by 90 degrees around the arm's base: a constant bias keeps its error vector, a sag does not | calibrate; level the table |
