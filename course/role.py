@@ -2,8 +2,9 @@
 
 *Data age* looks back: from a moment to the capture of the measurement behind the command then in
 force. *Reaction time* looks ahead: from an event to the first command that rests on a measurement
-taken after it. The sum of periods and executions bounds both: A. Davare and others, Period
-optimization, DAC 2007; M. Duerr and others, End-to-end timing analysis, ACM TECS 18, 2019.
+taken after it. If nothing is lost, queued or late, the sum of periods and executions bounds both:
+A. Davare and others, Period optimization, DAC 2007; M. Duerr and others, End-to-end timing
+analysis, ACM TECS 18, 2019.
 
 The chapter's algorithms, and the functions of their steps:
 

@@ -132,11 +132,11 @@ def chain_age(result):
 
 @claim(
     "If you poll twice as often, the data that you get are half as old.",
-    "The age of the newest value depends on how often it is produced, not on how often it is read: "
-    "{formula} at a random moment. Readers at {slow_hz:.0f} and {fast_hz:.0f} Hz got images of a "
-    "{camera_hz:.0f} Hz camera that were {slow_ms:.1f} and {fast_ms:.1f} ms old. Polling faster "
-    "shortens two other times: the time until the reader notices a new value, and the time for "
-    "which its own result stays in force.",
+    "Over all phases, the mean age of the newest value depends on how often it is produced, not on "
+    "how often it is read: {formula} at a random moment. Readers at {slow_hz:.0f} and "
+    "{fast_hz:.0f} Hz got images of a {camera_hz:.0f} Hz camera that were {slow_ms:.1f} and "
+    "{fast_ms:.1f} ms old. Polling faster shortens two other times: the time until the reader "
+    "notices a new value, and the time for which its own result stays in force.",
     ask=(
         "A producer with period T needs the time C for each value. How old is its newest value on "
         "average, for somebody who looks at a random moment?",
@@ -236,12 +236,12 @@ def start_when_free(result):
 @claim(
     "Over a long run, the reaction time to events at random moments and the data age at random "
     "moments have the same distribution, if older data never replace newer data.",
-    "An event at time e is answered later than e + x exactly if the command in "
-    "force at e + x rests on information that is older than x. Over {events:.0f} moments of a run "
-    "with jitter and losses the means were {age_ms:.1f} and {reaction_ms:.1f} ms, and the "
-    "equivalence failed {failed:.0f} times. Where parallel workers overtook one another and the "
-    "last result counted, even if it was the older one, the equivalence failed at "
-    "{overtaken:.0%} of the moments.",
+    "If the robot has not yet reacted to an event after 200 ms, its command rests on information "
+    "that is older than 200 ms, and the other way round. The same is true for any other time. "
+    "Over {events:.0f} moments of a run with jitter and losses the means were {age_ms:.1f} and "
+    "{reaction_ms:.1f} ms, and the equivalence failed {failed:.0f} times. Where parallel workers "
+    "overtook one another and the last result counted, even if it was the older one, the "
+    "equivalence failed at {overtaken:.0%} of the moments.",
     source="M. Guenzel and others, On the equivalence of maximum reaction time and maximum data "
     "age for cause-effect chains, ECRTS 2023",
 )

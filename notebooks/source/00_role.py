@@ -239,8 +239,8 @@ show("polling_makes_fresh")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Information ages while it is worked on *and while it waits*. If results come regularly, a reader with
-# a clock of its own finds one that has waited, on average, for half of the *producer's* interval. The command in force
-# ages as well, until the next one replaces it.
+# a clock of its own finds one that has waited for half of the *producer's* interval, on average over all phases of the
+# two clocks. The command in force ages as well, until the next one replaces it.
 #
 # </div>
 #
@@ -283,8 +283,8 @@ show("reaction_is_age")
 predict("where_to_spend")
 
 # %% [markdown]
-# A stage can get a faster clock, which keeps more cores busy. Or somebody shortens its execution time: then the age
-# falls by what is saved. There are two other changes:
+# A stage can get a faster clock, which keeps more cores busy. Or somebody shortens its execution time: then, with
+# independent clocks and unchanged intervals, the mean age falls by what is saved. There are two other changes:
 #
 # * A stage that starts **on arrival** has no clock. Each new input starts it. So no input waits, as long as the stage
 #   is free when the input comes.
@@ -352,10 +352,10 @@ table(
 # that the arm moves with a speed proportional to the error in the image. Then a correction that is less than a quarter
 # of a cycle (90 degrees) late makes the swing smaller. A later one makes it larger (chapter 6).
 #
-# In the chart the belt speeds up with 1 m/s². We know the speed at the capture (on the axis) exactly. The errors *used
-# as it came* and *predicted* always have the same direction: the chart shows their means. Without time stamps, an
-# error in both directions is added to the error of the prediction: the chart shows its standard deviation. The table
-# has the errors at 0.3 m/s.
+# In the chart the belt speeds up with 1 m/s². We know the speed at the capture (on the axis) exactly. Two curves, *used
+# as it came* and *predicted*, are mean errors, because these errors always have the same direction. The third curve,
+# without time stamps, is a standard deviation: it shows the error that is added then, which can have either direction.
+# The table has the errors at 0.3 m/s.
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -526,9 +526,9 @@ figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 
 # %% [markdown]
 # Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
-# The curve has three teeth because three images come in one period of the reader. A reader at 9.73 Hz is not locked,
-# even with the same quartz: its mean stays near half of the camera's period, marked $T/2$. Small waves remain,
-# because there are only twelve moments.
+# The axis is this phase. While it goes through one period of the reader, three images come, so the curve has three
+# teeth. A reader at 9.73 Hz is not locked, even with the same quartz: its mean stays near half of the camera's period,
+# marked $T/2$. Small waves remain, because there are only twelve moments.
 #
 # Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
 # falls at once by one period, and rises again. This shape is a *sawtooth*.
@@ -543,8 +543,9 @@ figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 #
 # Look instead at the least age over several hours. If the execution times are constant and the clocks that start the
 # programs drift, this age comes close to the sum of the execution times. If it is smaller, suspect an offset or a
-# late stamp. If it is larger, there are two possible causes: an offset in the other direction, or the transport of
-# messages, which we did not count. The ages cannot tell these two apart, so compare the two clocks directly.
+# late stamp. If it is larger by whole periods of a producer, suspect a full queue. If it is larger by another
+# amount, there are two likely causes: an offset in the other direction, or the transport of messages, which we did not
+# count. The ages cannot tell these two apart, so compare the two clocks directly.
 #
 # Computers set their clocks over the network. One computer sends a question at $t_0$, which arrives at another one at
 # $t_1$. The answer leaves at $t_2$ and arrives at $t_3$. The first computer's clock measures $t_0$ and $t_3$, the
@@ -619,8 +620,9 @@ plt.show()
 # With locked clocks all poses of a run have waited equally long when the planner takes them. The start fixes this
 # wait, somewhere between 0 and 33.3 ms. Each plan also waits equally long until the joint loop first uses it,
 # somewhere between 0 and 1 ms. Its commands are then in force for 100 ms. So at a random moment this has lasted for
-# 50 ms, on average. (The half millisecond for which a single command is in force is part of these 50 ms.) So the mean
-# lies between $105.2+50 \approx 155$ ms and $155.2+33.3+1 \approx 190$ ms.
+# 50 ms, on average. (The loop renews the command in each millisecond, from the same plan. So these 50 ms include the
+# half millisecond for which a single command is in force.) So the mean lies between
+# $105.2+50 \approx 155$ ms and $155.2+33.3+1 \approx 190$ ms.
 #
 # </details>
 #
@@ -699,13 +701,15 @@ show("jitter_leaves_the_mean")
 # over at least an hour: one point for each plan. Each line names what you see, and then the likely cause:
 #
 # * All ages are nearly equal, but different after a restart: locked clocks.
-# * The age rises slowly and falls at once, again and again (a sawtooth): clocks that drift, and the reader's is a
-#   little too slow. If it is a little too fast, the age falls slowly and rises at once.
+# * The age rises slowly and falls at once, again and again (a sawtooth as high as one period): clocks that drift, and
+#   the reader's is a little too slow. If it is a little too fast, the age falls slowly and rises at once.
 # * All ages are larger than computed, by whole periods of one producer: a full queue.
 # * The age grows without end: overload, and a queue without a limit. Or the clocks of two computers drift apart: then
 #   only the logged ages grow (or shrink). They are wrong, and so is every prediction with them.
-# * The ages are scattered without a pattern: jitter or lost samples.
-# * Ages are clearly below the sum of the execution times: the stamp is taken too late, or two clocks have an offset.
+# * The ages are scattered over one period of a producer: rates that do not fit together, which is harmless. Over more
+#   than that: jitter or lost samples.
+# * Ages are clearly below the sum of the *shortest* execution times: the stamp is taken too late, or two clocks have
+#   an offset.
 #
 # </div>
 #
@@ -723,8 +727,11 @@ show("jitter_leaves_the_mean")
 # load</td></tr>
 # <tr><td>the log is fresh, the arm is late</td> <td>stamped at publishing</td> <td>move a thing by hand and film
 # it</td> <td>keep the capture's stamp</td></tr>
-# <tr><td>negative ages, or predictions off to one side</td> <td>clocks with an offset</td> <td>compare both clocks over
-# a round trip</td> <td>PTP, or a trigger line</td></tr>
+# <tr><td>negative ages</td> <td>clocks with an offset</td> <td>compare both clocks over a round trip</td> <td>PTP, or
+# a trigger line</td></tr>
+# <tr><td>predictions off to one side</td> <td>clocks with an offset, a late stamp, a delay that was not counted, or an
+# acceleration</td> <td>compare both clocks over a round trip, then repeat at constant speed</td> <td>PTP; the capture's
+# stamp; count the delay; predict with the acceleration</td></tr>
 # </table>
 #
 # </details>

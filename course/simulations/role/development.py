@@ -136,7 +136,7 @@ PRESETS = {
     ),
     "A million, with cameras": Preset(
         {"tries": 6.0, "step": 1000.0, "cores": 16},
-        "An image is rendered in every step. The computer needs days, the robot decades.",
+        "An image is rendered in every step. The computer needs days, the robot about a year.",
     ),
 }
 
