@@ -7,9 +7,10 @@ mass enters only through push / mass, so without a push nothing can tell it.
 
 Between two events the motion is a parabola, so the model goes from event to event: impacts, the
 end of a slide, a change of the push. Each event time is a formula in the parameters, and a
-gradient flows through it. A simulation that meets the ground at the end of a fixed step has no
-such formula; its gradient is wrong at every step size (`naive_drop` shows it; Hu et al.,
-"DiffTaichi: Differentiable Programming for Physical Simulation", 2020, sec. on time of impact).
+gradient flows through it. A simulation that notices the ground at the end of a fixed step and puts
+the block back on it has no such formula; its gradient is wrong at every step size (`naive_drop`
+shows it; Hu et al., "DiffTaichi: Differentiable Programming for Physical Simulation", 2020, sec. on
+time of impact).
 
 The equations stand here once. They use arithmetic only, so the same lines run on Python floats
 (plain numbers, no torch needed) and on torch tensors (gradients).

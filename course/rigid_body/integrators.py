@@ -113,24 +113,26 @@ def explicit_euler(q, v, acceleration, dt, params):
 def semi_implicit_euler(q, v, acceleration, dt, params):
     """Return one step: the velocity first, then the position with the new velocity.
 
-    First order and symplectic. On an undamped oscillator it is stable while omega * dt < 2; at
-    equality the state grows linearly (Hairer, Lubich, Wanner 2006, sec. I.1).
+    First order; symplectic if the forces come from a potential of q, and masses and step are
+    constant. On an undamped oscillator it is stable while omega * dt < 2; at equality the state
+    grows linearly (Hairer, Lubich, Wanner 2006, sec. I.1).
 
     Args, Returns: as for `explicit_euler`.
     """
-    # Velocity first; the position then uses the new one. If the acceleration depends on q alone,
-    # this makes the map symplectic; with rotations it depends on v too.
+    # Velocity first; the position then uses the new one. If the acceleration is the slope of a
+    # potential of q, this makes the map symplectic; with rotations it depends on v too.
     v = v + dt * acceleration(q, v, params)
     return retract(q, dt * v), v
 
 
 @register_jitable
 def velocity_verlet(q, v, acceleration, dt, params):
-    """Return one step of velocity Verlet. Second order; symplectic while forces depend on q alone.
+    """Return one step of velocity Verlet. Second order.
 
-    A force that depends on the velocity enters the second evaluation with the velocity
-    predicted by an Euler step, which keeps the second order; stability limit omega * dt < 2
-    without damping (Swope et al. 1982; Hairer, Lubich, Wanner 2006, sec. I.3).
+    Symplectic under the same conditions as `semi_implicit_euler`. A force that depends on the
+    velocity enters the second evaluation with the velocity predicted by an Euler step, which keeps
+    the second order; stability limit omega * dt < 2 without damping (Swope et al. 1982; Hairer,
+    Lubich, Wanner 2006, sec. I.3).
 
     Args, Returns: as for `explicit_euler`.
     """
@@ -169,7 +171,8 @@ _DIFFERENCE = 1.5e-8  # about the square root of the rounding unit
 def implicit_midpoint(q, v, acceleration, dt, params):
     """Return one step of the implicit midpoint rule.
 
-    Second order, A-stable, symplectic for vectors.
+    Second order, A-stable; for vectors symplectic under the same conditions as
+    `semi_implicit_euler`.
 
     Solves w = v + dt/2 a(q (+) dt/2 w, w) for the mid velocity w by a simplified Newton
     iteration, then q1 = q (+) dt w and v1 = 2 w - v. It keeps quadratic invariants, so the

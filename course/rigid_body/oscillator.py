@@ -3,8 +3,9 @@
 It stands here twice, and the tests compare the two: `step_matrix` is derived by hand, from which
 the limits follow; `stepper` runs the integrator itself. One step is a matrix whose entries are
 polynomials in omega dt (fractions for an implicit method). It is stable while both eigenvalues lie
-in the closed unit disc, which for trace T and determinant D means |T| <= 1 + D and D <= 1 (Jury's
-criterion for a 2 x 2 matrix), so each limit is the smallest root of three polynomials.
+in the closed unit disc, and a double one inside it. For trace T and determinant D the disc means
+|T| <= 1 + D and D <= 1 (Jury's criterion for a 2 x 2 matrix), so each limit is the smallest root of
+three polynomials.
 """
 
 import math

@@ -624,7 +624,8 @@ show("semi_implicit_unconditional")
 # **Worked example.** Simulators often model a contact as a stiff spring that pushes bodies apart in proportion to
 # their overlap, a **penalty** contact. With 100 kN/m and a part of 1 kg, $\omega = \sqrt{10^5} = 316$ rad/s while
 # they touch. The limit is $2/316$ s, or 6.3 ms. It assumes that the spring is always attached. A contact begins and
-# ends within a step, and each time the energy can be a little wrong. So take a step well below 6.3 ms.
+# ends within a step, and each time the energy can be wrong: at 5 ms, a bounce without loss leaves 1.23 times the
+# energy on average. So take a step well below 6.3 ms.
 #
 # If a stable step is shorter than the time between two commands, simulators take several **substeps** per command
 # (*decimation* or *frame skip* in robot learning).
@@ -698,8 +699,8 @@ simulation("force_evaluations", still=0.0)
 # | implicit midpoint | 2 | several (here about 5), to solve an equation | yes | no limit, if the equation is solved |
 # | RK4 | 4 | 4 | no | $\omega h \le 2\sqrt2 \approx 2.828$ |
 #
-# The next section explains *keeps area*. *Yes* holds if the accelerations depend on positions alone. With several
-# coordinates, the forces must also come from a potential energy.
+# The next section explains *keeps area*. *Yes* holds for a fixed step if the accelerations depend on positions alone.
+# With several coordinates, the forces must also come from a potential energy.
 # %%
 show("orders_of_accuracy")
 # %%
@@ -949,7 +950,8 @@ print(f"                     bounce at the time of impact {0.5 * speed**2:.2f} J
 # mgh$ times the change of velocity. A bounce reverses the velocity but restores nothing, so the next flight loses as
 # much again. The rule at the floor lifts the ball by the depth $d$, which adds $mgd$, and leaves the speed that the
 # ball had at that depth. So semi-implicit Euler loses $mghv$ in a flight that starts and ends with the speed $v$. The
-# depth $d$ lies between 0 and $hv$, so on average a bounce gives back half of this loss.
+# depth $d$ lies between 0 and $hv$, so on average a bounce gives back half of this loss. (From rest, in exact
+# arithmetic, every rebound ends exactly on the floor, and the next bounce gives back all of it.)
 #
 # The claims below use a *worked example*: a ball of 1 kg that falls 5 m and bounces with $e = 1$, in steps of 10 ms.
 # *The usual listing* is a box simulator as tutorials print it: semi-implicit Euler, with the bounce rule at the centre.
@@ -1036,11 +1038,11 @@ print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # newest state, so their age is 0. For *apply forces*, it is the age of the state from which the command was computed.
 # A new command comes only every 2 ms, so in every second step that state is 1 ms old.
 #
-# Collisions are the last task of the physics step; images are drawn between two steps. So the first row of the table
-# below still belongs to the step from 0 to 1 ms, the next two to the step that begins at 1 ms. The image falls due at
-# 16.667 ms, two thirds of the way from 16 to 17 ms. But the state of 17 ms does not exist yet. So the image mixes the
-# last two states, 15 and 16 ms, with the weight 0.667 for the newer one. It shows the motion of 15.667 ms, one step
-# late but smooth:
+# Collisions are the last task of the physics step, so the first row of the table below ends the step from 0 to 1 ms.
+# The next two rows belong to the step that begins at 1 ms. Images are drawn between two steps. The image in the last
+# row is due at 16.667 ms, and to show that moment, the loop would need the state of 17 ms. To avoid waiting, the loop
+# shows the motion one step late but smooth: it mixes the states of 15 and 16 ms, with the weight 0.667 for the newer
+# one.
 # %% tags=["hide-code"]
 from fractions import Fraction
 
@@ -1138,8 +1140,9 @@ plt.show()
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
 # step. Call `mj_forward` to update them. MuJoCo's `Euler` is semi-implicit Euler, but it
 # computes the damping of joints from the *new* velocity. A force that is computed from the new state is called
-# **implicit**, and it allows larger steps (section 7). MuJoCo's `implicit` and `implicitfast` also compute the
-# damping of motors (*actuators*) and cables (*tendons*) implicitly. Its `discrete` does this for the springs as well.
+# **implicit**. If an implicit damping force acts on the fastest oscillation, it allows larger steps (section 7).
+# MuJoCo's `implicit` and `implicitfast` also compute the damping of motors (*actuators*) and cables (*tendons*)
+# implicitly. Its `discrete` does this for the springs as well.
 # %%
 more_claims(
     "steps_per_picture",
@@ -1273,7 +1276,8 @@ print(f"height of the centre {path[-1][1]:.6f} m, energy left m g y = {total[-1]
 # <details><summary>Answers</summary>
 #
 # 1: No, each bounce adds $mgd$. 2: Up to the distance travelled in one step, $vh$. 3: It gains the speed $gh$ in every
-# step and bounces. 4: They pile up until a step is not resolved.
+# step and bounces. 4: They pile up until a step has more impacts than the program follows. With
+# semi-implicit Euler this goes on without end (section 7).
 #
 # </details>
 # %%
@@ -1367,7 +1371,7 @@ figures(
 #    It takes time and depth and must be tuned. Compare rows of the same kind only.
 # 3. No integrator of MuJoCo divides the step at the impact. Its `speculative` flag (off by default) finds the time of
 #    impact in order not to miss a wall, not in order to place the impact. The error at a contact is of first order,
-#    with RK4 too. On rotations, MuJoCo's RK4 is another fourth-order method than ours; its error is slightly smaller.
+#    with RK4 too. On rotations, MuJoCo's RK4 is another fourth-order method than ours; the errors are about equal.
 #
 # </details>
 # %%
@@ -1627,8 +1631,9 @@ predict("impacts_at_rest")
 # ended below the floor. By then gravity has given the box the speed $gh$. On MuJoCo's default contact a box lies still.
 #
 # The longest bar of the chart below comes from the error of semi-implicit flight (explained below the chart). With the
-# exact flight of velocity Verlet the hops shrink until they are too short for the program to follow, and the box lies
-# still.
+# exact flight of velocity Verlet, the hops of this drop shrink until they are too short for the program to follow, and
+# the box lies still. That depends on the drop: at a restitution of 0.4 instead of 0.7, most boxes chatter with exact
+# flight, too.
 #
 # The remedy is a **rest speed**: after a slower impact, the program sets the body to rest. If impacts are found
 # within the step, a small rest speed is enough. If impacts act only at the end of a step, it must be higher than
@@ -1716,7 +1721,8 @@ figures(
 # <details><summary>And in between</summary>
 #
 # If $vh$ is more than half of the sum, the overlap may first be seen when the centre of the body is already past the
-# middle of the wall. The contact then pushes it out on the wrong side. The remedy is continuous collision detection.
+# middle of the wall. The contact then pushes it out on the wrong side. The remedy is the same: continuous collision
+# detection and a stiff contact.
 #
 # </details>
 #
@@ -1725,11 +1731,14 @@ figures(
 predict("perfect_energy_wrong_momentum")
 # %% [markdown]
 # <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>amplitude grows at <em>every</em> step size, more slowly at smaller ones</td>
+# <tr><td>amplitude grows at <em>every</em> step size; at small steps, more slowly with
+# each halving</td>
 # <td>explicit Euler or explicit midpoint on an undamped oscillation</td> <td>energy ratio
-# per step: $1+(\omega h)^2$ or $1+(\omega h)^4/4$</td> <td>Euler: swap the two lines; midpoint: Verlet or RK4</td></tr>
-# <tr><td>energy right in flight, wrong after bounces</td> <td>bounce rule at the end of the step</td> <td>drop with
-# $e=1$, compare the heights of the bounces</td> <td>find the time of impact</td></tr> <tr><td>box jitters on the floor
+# per step: $1+(\omega h)^2$ or $1+(\omega h)^4/4$</td> <td>Euler: swap the two lines, and keep $\omega h$ well below 2;
+# midpoint: Verlet or RK4</td></tr>
+# <tr><td>energy right in flight, wrong after bounces</td> <td>bounce rule at the end of the step, or a contact
+# spring near its limit</td> <td>drop with $e=1$, compare the heights of the bounces</td> <td>find the time of impact;
+# for a spring, a shorter step</td></tr> <tr><td>box jitters on the floor
 # for ever</td> <td>impacts at the end of the step (chatter)</td> <td>count impacts
 # per second</td> <td>impact times and a rest speed, or a solver that computes impulses (chapter 2)</td></tr>
 # <tr><td>orientation drifts</td> <td>quaternion rate added, not multiplied</td> <td>in a steady spin, compare the

@@ -9,7 +9,7 @@ from course.charts import build
 from course.charts.rigid_body import drift, failures, impacts
 from course.charts.rigid_body.failures import LABELS
 from course.measure import stability
-from course.rigid_body import oscillator
+from course.rigid_body import oscillator, planar
 from course.rigid_body.integrators import INTEGRATORS
 from tests.budget import sampled
 
@@ -255,6 +255,21 @@ def test_a_box_rests_with_a_rest_speed_and_chatters_without():
     assert loud.impacts_per_second > 1000.0 and loud.noise > 1e-3
     assert late.impacts_per_second > 50.0 and late.noise > 1e-3
     assert impacts.mujoco_box_at_rest("Euler", "impulse", 1.0).noise < 1e-5
+
+
+def test_exact_flight_without_a_rest_speed_mostly_rests_at_0_7_and_mostly_chatters_at_0_4():
+    rng, n, dt = np.random.default_rng(0), 20, 2e-3
+    starts = np.zeros((6, n))
+    starts[1:3] = rng.uniform((0.3, -3.0), (1.0, 3.0), (n, 2)).T
+
+    def share_at_rest(restitution):
+        box = planar.box_parameters(restitution=restitution, rest_speed=0.0)
+        options = {"integrator": "velocity_verlet"}
+        late, _ = planar.advance_boxes(starts, box, dt, 3000, **options)
+        _, counts = planar.advance_boxes(late, box, dt, 100, **options)
+        return np.mean(counts[0] == 0)
+
+    assert share_at_rest(0.7) > 0.5 > share_at_rest(0.4)
 
 
 def test_mujocos_default_contact_lies_still_and_its_spring_bounces_less_with_a_smaller_step():

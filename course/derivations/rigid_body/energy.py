@@ -514,10 +514,11 @@ def swapping_two_lines(result):
 
 @claim(
     "With one degree of freedom and an acceleration that depends on the position alone, "
-    "semi-implicit Euler is symplectic and RK4 is not.",
+    "semi-implicit Euler is always symplectic and RK4, in general, is not.",
     "Semi-implicit Euler, velocity Verlet and the implicit midpoint rule then keep phase-space "
-    "area. With several degrees of freedom the force must also come from a potential: under one "
-    "that pushes around a centre, semi-implicit Euler is not symplectic. On an oscillator RK4 "
+    "area. Where the acceleration is constant, RK4 is exact and keeps it, too. With several "
+    "degrees of freedom the force must also come from a potential: under one that pushes around a "
+    "centre, semi-implicit Euler is not symplectic. On an oscillator RK4 "
     "shrinks it by (omega h)^6 / 72 per step, the explicit midpoint rule grows it by "
     "(omega h)^4 / 4, to leading order, and explicit Euler by (omega h)^2.",
 )
@@ -552,6 +553,14 @@ def area_preserved(result):
 
     error = {n: float(np.abs(pendulum_area(n) - 1).max()) for n in names}
 
+    def free_fall_area(name: str) -> np.ndarray:
+        """Return the determinants of one step of 0.1 under a constant acceleration."""
+        # The step is affine, so differences over whole units are exact except for rounding.
+        x, w = np.array([[0.0, 1.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
+        fall = (lambda q, v, pull: pull + 0 * q), -9.81
+        ends = np.array([end[1, 0] for end in _steps(name, fall, x, w, 0.1, 1)])
+        return np.linalg.det(ends[:, 1:] - ends[:, :1])
+
     def symplectic(stiffness):
         """Return whether semi-implicit Euler preserves the form for a = -stiffness q, step 0.1."""
         one, zero = np.eye(2), np.zeros((2, 2))
@@ -574,6 +583,8 @@ def area_preserved(result):
     result.correction_holds(
         selected == {n for n in names if INTEGRATORS[n].symplectic},
         all((error[n] < 1e-7) == (n in selected) for n in names),
+        # Chosen to break it: free fall, where RK4 is exact.
+        np.allclose(free_fall_area("rk4"), 1, atol=1e-12),
         # A symmetric matrix has a potential; an antisymmetric one pushes around the centre.
         symplectic(np.array([[2.0, 1.0], [1.0, 3.0]])),
         not symplectic(np.array([[0.0, 1.0], [-1.0, 0.0]])),

@@ -471,10 +471,11 @@ def worked_ten_bounces_rk4(result):
 
 @claim(
     "The energies after ten bounces are a property of the integrator.",
-    "In the example a last digit decides: every rebound reaches the floor exactly at the "
-    "end of a step, so one rounding of the velocity decides whether the rule acts then or a full "
-    "step deeper, up to {spread_j:.1f} J apart. Other drop heights do not help, since after the "
-    "first bounce every ball dropped from rest is at such a tie. Vary height and speed of the "
+    "In the example a last digit decides. Every rebound is at a tie: it reaches the floor exactly "
+    "at the end of a step. So one rounding of the velocity decides whether the bounce rule acts "
+    "then or a full step deeper, and the energies end up to {spread_j:.1f} J apart. Other drop "
+    "heights do not help: after its first bounce, every ball that was dropped from rest is at a "
+    "tie. Vary height and speed of the "
     "start before you compare methods: then they are {explicit_euler_near_j:.1f}, "
     "{semi_implicit_euler_near_j:.1f} and {exact_flight_near_j:.1f} J for explicit, semi-implicit "
     "Euler and exact flight, a property of integrator and bounce rule together.",

@@ -99,14 +99,15 @@ def mujoco_rk4_contact_order(result):
 
 @claim(
     "Stiff contacts in MuJoCo need a small step.",
-    "By default MuJoCo keeps the contact's time constant at two steps or more, so asking for a "
-    "stiffer one changes nothing: a ball sinks in by {depth_asked_1_ms_um:.1f} um whether a half "
-    "or two steps are asked for. With the flag off, a time constant below a step explodes; and "
-    "stiffness and damping given directly, as a negative solref, are taken as they are. "
-    "Even with the flag on, a ball with a damping ratio of {low_ratio:.1f} does not come to rest. "
-    "Under the discrete integrator one ball is stable in all three cases, and so is one box with a "
-    "negative solref. A stack with a negative solref need not be: a tower of three stiff boxes "
-    "with hardly a damper, at {tower_ms:.0f} ms, goes from {start_j:.1f} J up to {most_j:.1f} J. "
+    "By default no: MuJoCo keeps the contact's time constant at two steps or more (flag refsafe). "
+    "A ball sinks in by {depth_asked_1_ms_um:.1f} um whether half a step or two steps are "
+    "requested. There are three exceptions. With the flag off, a time constant below a step "
+    "explodes. Stiffness and damping that are given directly, as negative numbers in solref, are "
+    "used unchanged. And with a damping ratio of {low_ratio:.1f}, a ball does not come to rest "
+    "even with the flag on. Under the discrete integrator one ball is stable in all three "
+    "cases, and so is one box with a negative solref. A stack with a negative "
+    "solref need not be: a tower of three stiff boxes with hardly a damper, at {tower_ms:.0f} ms, "
+    "goes from {start_j:.1f} J up to {most_j:.1f} J. "
     "In the other two cases the same tower gains next to nothing.",
 )
 def mujoco_contact_stiffness_limit(result):
@@ -198,9 +199,9 @@ def mujoco_contact_stiffness_limit(result):
     ratios = result.rng.uniform(0.15, low_ratio, 5)
     result.statement_holds(
         needs("0.001 1"),
-        only_if="the refsafe flag is off, stiffness and damping are given as numbers, or the "
-        "damping ratio is low (for one ball, below about a third), and the integrator is not "
-        "discrete",
+        only_if="the integrator is not discrete, and in addition the refsafe flag is off, "
+        "stiffness and damping are given directly, or the damping ratio is low (for one ball, "
+        "below about a third)",
         inside=[needs(f"{t} 1", "disable") for t in constants]
         + [needs(direct(t)) for t in constants]
         + [needs(f"{t} {ratio}") for t, ratio in zip(constants, ratios, strict=True)]

@@ -179,11 +179,11 @@ def symplectic_removes_stiffness(result):
 @claim(
     "Engines use symplectic integrators and not Runge-Kutta, because these take away the limit "
     "that stiff contacts put on the step.",
-    "They take nothing away: RK4's limit is {rk4_over_semi_implicit:.2f} times theirs. Per "
-    "evaluation of the forces it is {rk4_per_evaluation:.2f} of it, which is a reason, and so is "
-    "that a solver of contacts on velocities fits the step. Symplectic it is no longer once "
-    "something damps: with the damping force of the old velocity the determinant is 1 - 2 zeta "
-    "omega dt.",
+    "They take nothing away: RK4's limit is {rk4_over_semi_implicit:.2f} times theirs. A better "
+    "reason is cost: per force evaluation, RK4's limit is only {rk4_per_evaluation:.2f} times "
+    "theirs. Another is that contact solvers also work on velocities, which fits the step. With a "
+    "damping force from the old velocity, semi-implicit Euler is no longer symplectic: its "
+    "determinant is 1 - 2 zeta omega dt.",
 )
 def reason_for_symplectic(result):
     import sympy

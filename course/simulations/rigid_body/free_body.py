@@ -111,8 +111,8 @@ def frame(pen, state, controls):
 PRESETS = {
     "A brick": Preset(
         {},
-        "No torque acts. L stays where it is, ω does not: its tip runs over a plane, as the "
-        "energy is half of ω · L. Drag to look from elsewhere.",
+        "No torque acts. L stays where it is, ω does not. But its tip stays in a plane, because "
+        "L and the energy, half of ω · L, are both constant. Drag to look from elsewhere.",
     ),
     "A plate: two cones that roll": Preset(
         {"body": "plate", "tilt": 25.0},

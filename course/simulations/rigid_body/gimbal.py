@@ -120,7 +120,7 @@ PRESETS = {
         {},
         "Press play: each ring in turn wiggles about its own axis. The farther the middle ring "
         "tilts, the nearer the outer axis comes to the inner. The curve: how fast the plate turns "
-        "about its weakest axis, of rings at 1 rad/s in all.",
+        "about its weakest axis when the vector of the three ring rates has the length 1 rad/s.",
     ),
     "Locked: pitch 90°": Preset(
         {"pitch": 90.0},

@@ -140,7 +140,9 @@ PRESETS = {
         "One eigenvalue leaves the circle, the other enters it, the area still "
         "stays: that does not make a step stable.",
     ),
-    "Explicit Euler": Preset({"method": 0, "omega_h": 0.2}, "Outside at every h: the patch grows."),
+    "Explicit Euler": Preset(
+        {"method": 0, "omega_h": 0.2}, "Without damping, outside at every h: the patch grows."
+    ),
     "RK4": Preset({"method": 5, "omega_h": 1.5}, "Inside the circle: the patch shrinks."),
 }
 

@@ -132,7 +132,7 @@ PRESETS = {
     "Upright, 5 % too slow": Preset(
         {"spin": 67.0, "tilt": 1.0}, "Below it the top falls far aside, rises, and repeats."
     ),
-    "Upright, 5 % above": Preset({"spin": 75.0, "tilt": 1.0}, "Above it the axis stays near."),
+    "Upright, 6 % above": Preset({"spin": 75.0, "tilt": 1.0}, "Above it the axis stays near."),
     "No spin": Preset({"spin": 0.0}, "Without spin there is no L to turn, and L grows sideways."),
 }
 
