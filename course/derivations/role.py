@@ -236,8 +236,8 @@ def start_when_free(result):
 @claim(
     "Over a long run, the reaction time to events at random moments and the data age at random "
     "moments have the same distribution, if older data never replace newer data.",
-    "If the robot has not yet reacted to an event after 200 ms, its command rests on information "
-    "that is older than 200 ms, and the other way round. The same is true for any other time. "
+    "If the robot has not yet reacted to an event after a fifth of a second, its command rests on "
+    "information that is older than that, and the other way round. The same is true for any time. "
     "Over {events:.0f} moments of a run with jitter and losses the means were {age_ms:.1f} and "
     "{reaction_ms:.1f} ms, and the equivalence failed {failed:.0f} times. Where parallel workers "
     "overtook one another and the last result counted, even if it was the older one, the "

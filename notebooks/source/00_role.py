@@ -239,8 +239,8 @@ show("polling_makes_fresh")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Information ages while it is worked on *and while it waits*. If results come regularly, a reader with
-# a clock of its own finds one that has waited for half of the *producer's* interval, on average over all phases of the
-# two clocks. The command in force ages as well, until the next one replaces it.
+# a clock of its own finds one that has waited for half of the *producer's* interval, on average over all phases. The
+# command in force ages as well, until the next one replaces it.
 #
 # </div>
 #
@@ -352,10 +352,9 @@ table(
 # that the arm moves with a speed proportional to the error in the image. Then a correction that is less than a quarter
 # of a cycle (90 degrees) late makes the swing smaller. A later one makes it larger (chapter 6).
 #
-# In the chart the belt speeds up with 1 m/s². We know the speed at the capture (on the axis) exactly. Two curves, *used
-# as it came* and *predicted*, are mean errors, because these errors always have the same direction. The third curve,
-# without time stamps, is a standard deviation: it shows the error that is added then, which can have either direction.
-# The table has the errors at 0.3 m/s.
+# In the chart the belt speeds up with 1 m/s². We know the speed at the capture (on the axis) exactly. *Used as it
+# came* and *predicted* are mean errors: they always have the same direction. The third curve is the standard deviation
+# of the error that is added without time stamps, which can have either direction. The table has the errors at 0.3 m/s.
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -525,10 +524,10 @@ show("same_rate_in_step")
 figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 
 # %% [markdown]
-# Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
-# The axis is this phase. While it goes through one period of the reader, three images come, so the curve has three
-# teeth. A reader at 9.73 Hz is not locked, even with the same quartz: its mean stays near half of the camera's period,
-# marked $T/2$. Small waves remain, because there are only twelve moments.
+# Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start
+# (the axis). The curve has three teeth because three images come in one period of the reader. A reader at 9.73 Hz is
+# not locked, even with the same quartz: its mean stays near half of the camera's period, marked $T/2$. Small waves
+# remain, because there are only twelve moments.
 #
 # Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
 # falls at once by one period, and rises again. This shape is a *sawtooth*.
@@ -543,9 +542,9 @@ figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 #
 # Look instead at the least age over several hours. If the execution times are constant and the clocks that start the
 # programs drift, this age comes close to the sum of the execution times. If it is smaller, suspect an offset or a
-# late stamp. If it is larger by whole periods of a producer, suspect a full queue. If it is larger by another
-# amount, there are two likely causes: an offset in the other direction, or the transport of messages, which we did not
-# count. The ages cannot tell these two apart, so compare the two clocks directly.
+# late stamp. If it is larger, and not by whole periods (a full queue), suspect an offset in the other direction
+# or the transport of messages, which we did not count. The ages cannot tell these two apart, so compare the two clocks
+# directly.
 #
 # Computers set their clocks over the network. One computer sends a question at $t_0$, which arrives at another one at
 # $t_1$. The answer leaves at $t_2$ and arrives at $t_3$. The first computer's clock measures $t_0$ and $t_3$, the
@@ -698,18 +697,17 @@ show("jitter_leaves_the_mean")
 #
 # **Debugging tip.** *The arm is late.* Send the time stamp of the capture along with the data. When a plan is used
 # for the first time, log the age of its image. (Later ages of the same plan would hide the patterns.) Plot these ages
-# over at least an hour: one point for each plan. Each line names what you see, and then the likely cause:
+# over at least an hour. What you see, and the likely cause:
 #
 # * All ages are nearly equal, but different after a restart: locked clocks.
 # * The age rises slowly and falls at once, again and again (a sawtooth as high as one period): clocks that drift, and
-#   the reader's is a little too slow. If it is a little too fast, the age falls slowly and rises at once.
+#   the reader's is too slow (too fast: the age falls slowly and rises at once).
 # * All ages are larger than computed, by whole periods of one producer: a full queue.
 # * The age grows without end: overload, and a queue without a limit. Or the clocks of two computers drift apart: then
-#   only the logged ages grow (or shrink). They are wrong, and so is every prediction with them.
-# * The ages are scattered over one period of a producer: rates that do not fit together, which is harmless. Over more
-#   than that: jitter or lost samples.
-# * Ages are clearly below the sum of the *shortest* execution times: the stamp is taken too late, or two clocks have
-#   an offset.
+#   only the logged ages grow (or shrink), and every prediction is wrong.
+# * The ages are scattered over one period: rates that do not fit together (harmless). Over more: jitter or lost
+#   samples.
+# * Ages are clearly below the sum of the *shortest* execution times: a late stamp, or clocks with an offset.
 #
 # </div>
 #

@@ -624,7 +624,7 @@ show("semi_implicit_unconditional")
 # **Worked example.** Simulators often model a contact as a stiff spring that pushes bodies apart in proportion to
 # their overlap, a **penalty** contact. With 100 kN/m and a part of 1 kg, $\omega = \sqrt{10^5} = 316$ rad/s while
 # they touch. The limit is $2/316$ s, or 6.3 ms. It assumes that the spring is always attached. A contact begins and
-# ends within a step, and each time the energy can be wrong: at 5 ms, a bounce without loss leaves 1.23 times the
+# ends within a step, and each time the energy can be wrong: at 5 ms, an elastic bounce leaves 1.23 times the
 # energy on average. So take a step well below 6.3 ms.
 #
 # If a stable step is shorter than the time between two commands, simulators take several **substeps** per command
@@ -950,8 +950,10 @@ print(f"                     bounce at the time of impact {0.5 * speed**2:.2f} J
 # mgh$ times the change of velocity. A bounce reverses the velocity but restores nothing, so the next flight loses as
 # much again. The rule at the floor lifts the ball by the depth $d$, which adds $mgd$, and leaves the speed that the
 # ball had at that depth. So semi-implicit Euler loses $mghv$ in a flight that starts and ends with the speed $v$. The
-# depth $d$ lies between 0 and $hv$, so on average a bounce gives back half of this loss. (From rest, in exact
-# arithmetic, every rebound ends exactly on the floor, and the next bounce gives back all of it.)
+# depth $d$ lies between 0 and $hv$, so on average a bounce gives back half of this loss.
+#
+# A drop from rest is an exception: in exact arithmetic every rebound ends exactly on the floor, and the next bounce
+# gives back all of the loss.
 #
 # The claims below use a *worked example*: a ball of 1 kg that falls 5 m and bounces with $e = 1$, in steps of 10 ms.
 # *The usual listing* is a box simulator as tutorials print it: semi-implicit Euler, with the bounce rule at the centre.
@@ -1627,24 +1629,27 @@ predict("impacts_at_rest")
 # should lie still can also bounce because impacts act at the end of a step. In each step gravity gives the box the
 # speed $gh$, the step ends below the floor, and the impact turns the speed upwards.
 #
-# MuJoCo's *spring*, which we tuned to bounce, chatters too. It starts to push only in the step *after* the one that
-# ended below the floor. By then gravity has given the box the speed $gh$. On MuJoCo's default contact a box lies still.
+# MuJoCo's *spring*, which we tuned to bounce, chatters too. On MuJoCo's default contact a box lies still.
 #
 # The longest bar of the chart below comes from the error of semi-implicit flight (explained below the chart). With the
 # exact flight of velocity Verlet, the hops of this drop shrink until they are too short for the program to follow, and
-# the box lies still. That depends on the drop: at a restitution of 0.4 instead of 0.7, most boxes chatter with exact
-# flight, too.
+# the box lies still.
 #
 # The remedy is a **rest speed**: after a slower impact, the program sets the body to rest. If impacts are found
-# within the step, a small rest speed is enough. If impacts act only at the end of a step, it must be higher than
-# about $gh$, here 19.6 mm/s for $h$ = 2 ms. A rest speed of 10 mm/s (0.01 m/s in the table) is too low: the box moves
-# more slowly but hits more often.
+# within the step, a small rest speed is enough (except with explicit Euler). If impacts act only at the end of a step,
+# it must be higher than about $gh$, here 19.6 mm/s for $h$ = 2 ms.
 #
 # <details><summary>How high, and when none is needed</summary>
 #
 # Let $v$ be the speed of the repeated impacts. A ball that should lie still leaves each impact with $ev$, and gravity
 # takes $gh$ away. So it hits again with $gh - ev$. If this is $v$ again, then $v = gh/(1+e)$. The corners of a rocking
-# box hit at about $gh$.
+# box hit at about $gh$. A rest speed of 10 mm/s (0.01 m/s in the table) is too low: the box moves more slowly but hits
+# more often. MuJoCo's *spring* starts to push only in the step *after* the one that ended below the floor. By then
+# gravity has given the box the speed $gh$.
+#
+# With explicit Euler a hop does not end within its step, even if impacts are found there. With $e$ = 0.7 most boxes
+# still chatter at a rest speed of 25 mm/s. Without any rest speed, exact flight is not always enough: with $e$ = 0.7
+# most boxes come to rest, with $e$ = 0.4 most chatter.
 #
 # </details>
 #

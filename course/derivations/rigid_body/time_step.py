@@ -278,8 +278,8 @@ def contact_stable_at_1_khz(result):
     result.statement = "Largest growth factor of the amplitude per step."
     result.statement_holds(
         all(as_said.values()),
-        only_if="the integrator's stability limit lies between omega dt = {at_1_khz:.2f} (1 kHz) "
-        "and {at_100_hz:.2f} (100 Hz), as for semi-implicit Euler, velocity Verlet and RK4",
+        only_if="the integrator's stability limit lies between the two values of omega dt, "
+        "{at_1_khz:.2f} and {at_100_hz:.2f}, as for semi-implicit Euler, velocity Verlet and RK4",
         inside=[as_said[n] for n in limited],
         outside=[as_said[n] for n in METHODS if n not in limited],
         cases=True,
