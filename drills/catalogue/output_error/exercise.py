@@ -72,7 +72,7 @@ SLIPS = slips(
         _RETURN,
         "first + np.cumsum(moved)",
         "The simulated angle is recorded after the torque of its sample has acted: one step late. "
-        "It fits nearly as well, with wrong parameters.",
+        "The fit then has wrong parameters and a larger residual.",
     ),
     residual_sign=(
         "residual = measured - angles",
