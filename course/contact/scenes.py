@@ -133,7 +133,7 @@ def march(
     """Simulate as `run` with "pgs" does, in one compiled loop with a warm start.
 
     Each step's projected Gauss-Seidel starts from the impulses of the step before. In a resting
-    stack they hardly change, so that a few sweeps a step are enough.
+    stack they hardly change, so that later steps need fewer sweeps than the first.
 
     Args:
         scene: bodies, contacts and the state at the start.

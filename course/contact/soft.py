@@ -113,7 +113,8 @@ class Softness:
         """Return (k [1/s^2], b [1/s]) of the reference acceleration."""
         first, second = np.asarray(solref, dtype=float).tolist()
         largest = float(np.clip(np.asarray(self.solimp, dtype=float)[1], _LEAST, _MOST))
-        # refsafe: a time constant below two steps would make the explicit reference unstable.
+        # refsafe: at least two steps. One contact is stable at a step h below
+        # 2 zeta T (sqrt(1 + zeta^2) - zeta), so two steps are enough if zeta is above 1/sqrt(8).
         k, b = reference_gains(first, second, largest, 2.0 * dt if self.refsafe else 0.0)
         return float(k), float(b)
 

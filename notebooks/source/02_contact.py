@@ -232,7 +232,7 @@ more_claims("circle_test_concentric", "mug_and_its_hull")
 #
 # With a soft contact, one that lets bodies overlap, there is a second way through.
 # While the ball is in the wall, a spring pushes it along the shortest way out. Once its centre has passed the middle of
-# the wall, the shortest way out leads to the far side, and the spring pushes the ball through.
+# the wall, away from the edges, the shortest way out leads to the far side, and the spring pushes the ball through.
 # %%
 predict("smaller_step_at_a_wall")
 # %% [markdown]
@@ -448,8 +448,8 @@ show("one_of_force_and_gap_is_zero")
 #
 # <details><summary>Hint 1: what is minimised?</summary>
 #
-# Not $f\phi$, which is no energy. At rest, a body minimises its own potential $V(q)$ among the positions that are
-# allowed.
+# Not $f\phi$, which is no energy. In a stable rest without friction, a body minimises its own potential $V(q)$ among
+# the positions that are allowed.
 #
 # </details>
 # <details><summary>Hint 2: how do you minimise under an inequality?</summary>
@@ -672,9 +672,10 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 #    one number $a$ for both rows. The larger eigenvalue of their $2\times2$ block of $A$ is a safe choice.
 # 3. Project: if the vector $p_t$ is longer than $\mu p_n$, shorten it to that length.
 #
-# When the sweeps have converged, steps 2 and 3 change nothing: at a sliding contact, shortening $p_t - u_t/a$ gives
-# $p_t$ again. So $p_t - u_t/a$ is a longer vector in the direction of $p_t$, and $u_t$ points straight against $p_t$.
-# If each row were divided by its own $A_{ii}$, and these differed, friction would point elsewhere.
+# When the sweeps have converged, another sweep changes nothing: at a sliding contact, shortening $p_t - u_t/a$ gives
+# $p_t$ again. So the part that is cut off, $-u_t/a$, has the direction of $p_t$: friction points straight against the
+# sliding velocity. If each row were divided by its own
+# $A_{ii}$, and these differed, friction would point elsewhere.
 #
 # One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
 # the step before (**warm start**). In code, without friction:
@@ -716,12 +717,14 @@ predict("heavy_on_light")
 #
 # </details>
 #
-# For the round cone, Coulomb's law can be written as one equation. Add $\mu\lVert u_t\rVert$ to the normal part of
-# the contact velocity and call the result $\tilde u$ (De Saxcé and Feng 1998). Subtract $\rho\,\tilde u$ from $p$ and
-# go to the nearest point of the cone; $\rho$ is any positive number, in kg, so that $\rho\,\tilde u$ is an impulse.
-# Coulomb's law says that this brings you back to $p$ (the fold-out shows why): $p = \operatorname{proj}(p -
-# \rho\,\tilde u)$. The left side minus the right side is the **natural map**, and Newton's method searches for its
-# zero.
+# For the round cone, Coulomb's law can be written as one equation (De Saxcé and Feng 1998):
+#
+# $$p = \operatorname{proj}(p - \rho\,\tilde u)$$
+#
+# Here $\tilde u$ is the contact velocity with $\mu\lVert u_t\rVert$ added to its normal part. The factor $\rho$ is any
+# positive number, in kg, so that $\rho\,\tilde u$ is an impulse, and proj goes to the nearest point of the cone: step
+# away from $p$, go back to the cone, and you are at $p$ again (the fold-out shows why). The left side minus the right
+# side is the **natural map**, and Newton's method searches for its zero.
 #
 # <details><summary>Why this is Coulomb's law: three cases</summary>
 #
@@ -736,7 +739,7 @@ predict("heavy_on_light")
 # Each iteration solves a linear system. On this chapter's stacks a few are enough. Elsewhere it may need more, or fail.
 #
 # How far did a solver get? The **residual** is the largest violation of the contact law, as a velocity. (One step of
-# 2 ms; iterations of different methods do not cost the same.)
+# 2 ms.)
 # %% tags=["hide-code"]
 pile = scenes.tower([1.0, 100.0]).problem(0.002)
 labels = {"pgs": "Gauss-Seidel", "lcp": "Lemke", "coulomb": "Newton on the cone"}
@@ -921,7 +924,7 @@ show("mujoco_is_convex_and_unique")
 #
 # * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k = 1/(d_1 T \zeta)^2$ and $b = 2/(d_1 T)$, where
 #   $d_1$ is the largest $d$. The default (0.02 s, 1) gives a critically damped spring that settles in about a tenth
-#   of a second. MuJoCo raises $T$ to at least two steps, so a harder contact needs a shorter step.
+#   of a second. MuJoCo raises $T$ to at least two steps, so a shorter $T$ needs a shorter step.
 # * **solimp** = (d at touch, d at full depth, width, midpoint, power) sets $d$ as a function of the depth. The width
 #   is the depth from which $d$ no longer rises. Midpoint and power shape the S-curve in between. By default $d$ rises
 #   from 0.9 to 0.95 over the first millimetre.
@@ -969,8 +972,9 @@ show("condim_4_is_the_full_cone")
 #
 # Is $T = 2h$ enough? Set it in the limit above and solve for $\zeta$: a single contact is stable if $\zeta > 1/\sqrt 8
 # \approx 0.35$. The lower panel of the chart of step limits shows it: left of the dotted ratio, the same steps
-# fail with refsafe and without; right of it, refsafe keeps every step stable. Bodies that touch at several points need
-# more damping. At the default, $\zeta = 1$, all scenes of this chapter are stable.
+# fail with refsafe and without; right of it, refsafe keeps a single contact stable at every step. Bodies that touch at
+# several points, or whose impedance is low, need more damping. At the default, $\zeta = 1$, and an impedance of 0.9 or
+# more, all scenes of this chapter are stable.
 #
 # </details>
 #
@@ -1043,9 +1047,9 @@ predict("push_that_starts_too_slow")
 # **interior-point** relaxation lets force times gap be a small number instead of zero, so that a little force acts at a
 # distance.
 #
-# Both pay with a bias: they spread the jump of the derivative over a range of speeds. The relaxation of the
-# interior point is large in this chart, so its derivative is too large at high speeds. The penalty's derivative is too
-# large between the jumps of its final position; at a jump its line leaves the frame.
+# Both pay with a bias: they spread the jump of the derivative over a range of speeds. The interior point is strongly
+# relaxed in this chart, so its derivative is too large at high speeds. The penalty's final position jumps at some
+# speeds. There its derivative is huge and leaves the chart; between the jumps it is too large.
 #
 # </details>
 #
@@ -1141,7 +1145,7 @@ source(penalty_force)
 # impulses with one of six models (`lcp`, `pgs`, `coulomb`, `convex`, `penalty`, and `soft`, MuJoCo's soft contact) and
 # reports whether it solved the problem. A block that brakes from 1 m/s with $\mu = 0.5$ should stop after $v^2/(2\mu g)
 # = 0.1019$ m. The second column shows by how much the block leaves the ground on the way. (For `soft` this depends on
-# the step; the card in section 2 used MuJoCo's default, 2 ms.)
+# the step.)
 # %% tags=["show-code"]
 braking = scenes.block(angle=0.0, friction=0.5, velocity=(1.0, 0.0))
 for model in contact.MODELS:
@@ -1161,8 +1165,9 @@ for model in contact.MODELS:
 # <details><summary>Answers</summary>
 #
 # (1) The blue one. At first it slides at the slip speed times the pull's share of $\mu f_n$; near the hand the pull
-# fades, and so does the speed. (2) Once $\omega h$ is below 2, the limit of a contact without a damper. The hand's
-# damper then takes the energy of the bounces. (3) The depth, about $mg/k$ (the hand's spring carries a little), falls
+# fades, and so does the speed. (2) Once $\omega h$ is below about 1.9. For a contact without any damper the limit is 2;
+# the hand's damper, which acts on the velocity before the step, lowers it a little. It also takes the energy of the
+# bounces. (3) The depth, about $mg/k$ (the hand's spring carries a little), falls
 # to a seventeenth; the largest stable step, which goes as $1/\sqrt k$, to a quarter.
 #
 # </details>
@@ -1273,7 +1278,8 @@ figures(
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
 # The penalty's stiffness is chosen for the tolerance of each scene. Where this makes $\omega h$ of the lightest body
-# too large, it fails. Sweeps that start warm (the compiled loop) carry the heavy body.
+# too large, it fails. Started warm, the
+# compiled loop needs about 30 sweeps per step.
 #
 # <details><summary>What the columns for time and iterations count</summary>
 #
@@ -1289,8 +1295,8 @@ print("\n".join(line for line in read("contact_table").splitlines() if line in c
 # starts. It is timed in one call for all pairs through Pinocchio, and in one call a pair from Python.
 #
 # A bar that ends left of the dotted line means that Coal is faster. In one call for all it is faster wherever the
-# shapes are apart. Of the shapes that are in each other it is faster for spheres and capsules and for a sphere in a
-# box, and takes up to three times as long as the course for the others. The lower chart compares error and time for two
+# shapes are apart. It is also faster for overlapping spheres and capsules, and for a sphere in a box. For all other
+# overlapping shapes it takes up to three times as long as the course. The lower chart compares error and time for two
 # boxes whose faces are aligned, almost aligned (turned by 1e-8 rad), or turned at random. *Points* means the convex
 # hull of a few points:
 #
@@ -1302,20 +1308,20 @@ more_claims("coal_is_the_truth")
 # %% [markdown]
 # ### What to pick
 #
-# The scenes above support the advice on small stacks and on compliant contacts; the rest is our opinion.
+# The scenes above support the advice on small stacks and compliant contacts; the rest is our opinion.
 #
-# * **A robot arm:** a soft convex model such as MuJoCo's. It has one answer and is fast on these small scenes. Use the
+# * **A robot arm:** a soft convex model such as MuJoCo's. It has one answer and is fast here. Use the
 #   elliptic cone; raise impratio where things are held, and harden solref or solimp where a heavy body rests on a light
 #   one.
 # * **Learning in thousands of worlds:** measure the throughput; this chapter does not.
 # * **Small stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or
-#   pivots. Sweeps are fine if they start warm, or if light bodies stand on heavy ones and stacks are low.
-# * **A few compliant contacts, no very light body, no solver at hand:** a penalty, with a step well below its limit
-#   and a depth you accept.
+#   pivots. Sweeps are fine if they converge (a warm start helps), or if light bodies stand on heavy ones
+#   and stacks are low.
+# * **A few compliant contacts, no very light body, no solver at hand:** a penalty, with a step well below the limits of
+#   spring and friction, and a depth you accept.
 # * **Games:** one sweep in each of several sub-steps, or ten sweeps with a warm start if mass ratios are small.
 #
-# One argument for constraints is their larger stable step. Compare them with a penalty force that is evaluated
-# before the step:
+# One argument for constraints is their larger stable step. Compare them with an explicit penalty:
 # %%
 show("constraints_take_larger_steps")
 # %% [markdown]
@@ -1354,40 +1360,39 @@ for mu in (1.0, 2.0):
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects stick together.* Log the normal force while they separate. If it is negative, a damper is
-# pulling: clip the force at zero. If it stays positive as they part, something presses them together: adhesion that
-# somebody set, or a second contact. If it is zero and the bodies still stick, something else holds them: a joint, a
-# weld, a controller, or friction that was computed from an old or wrong normal force.
+# **Debugging tip.** *Objects stick together.* Log the normal force while they should separate. If it is negative, a
+# damper is pulling: clip the force at zero. If it stays positive although the overlap does not shrink, something
+# presses them together: adhesion that somebody set, or a second contact. If it is zero, something else holds them: a
+# joint, a weld, a controller, or friction that was computed from an old or wrong normal force.
 #
 # </div>
 #
-# Older versions of MuJoCo had two sizes of memory, `nconmax` for contacts and `njmax` for constraint rows. You will
-# often read that you should enlarge them when contacts stick:
+# You will often read that you should enlarge `nconmax` and `njmax`, MuJoCo's former sizes of memory for contacts and
+# constraint rows, when contacts stick:
 # %%
 show("nconmax_helps")
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *A grasped object slips.* Does it slide or creep? Print its speed and, for each contact, friction
-# divided by the limit of the cone that your solver uses. For a cone that is $\lVert f_t\rVert/(\mu f_n)$, for a pyramid
-# (MuJoCo's default) $(\lvert f_x\rvert + \lvert f_y\rvert)/(\mu f_n)$. At 1 on all contacts it slides: squeeze more,
-# raise the friction, or use a cone instead of a pyramid. Below 1 on at least one of them it creeps: in MuJoCo use
-# elliptic cones and raise impratio, or shorten the time constant. If it moves in jerks, contacts come and go: look at
-# the manifold.
+# **Debugging tip.** *A grasped object slips.* For each contact, print the sliding speed of the point, and friction over
+# the limit of your solver's cone: $\lVert f_t\rVert/(\mu f_n)$, or $(\lvert f_x\rvert + \lvert f_y\rvert)/(\mu f_n)$
+# for a pyramid, MuJoCo's default. A point that moves at a ratio of 1 slides: squeeze more, raise the friction, or
+# replace a pyramid by a cone. One that moves below 1 creeps: in MuJoCo use elliptic cones and raise impratio, or
+# shorten the time constant. If the points stand still, the object turns about them: spread the contacts, or use
+# condim 4. If it moves in jerks, contacts come and go: look at the manifold.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The simulation is slow with many objects.* Count before you measure time: overlap tests, pairs
 # that remain, contacts, iterations. Too many tests: a sweep along the wrong axis. Too many pairs: boxes that are too
-# large. Too many contacts: meshes instead of spheres and boxes. Too many iterations: mass ratios. Then time each
-# stage.
+# large. Too many contacts: meshes instead of spheres and boxes. Too many iterations: mass ratios.
 #
 # </div>
 #
 # | symptom | likely cause | test | fix |
 # |---|---|---|---|
-# | a body is thrown off when it touches | $\omega h$ above the limit, or a deep start that is removed in one step | print $\omega h$, the first depth and the ejection speed | $\omega h$: a shorter step or a softer contact. Deep start: bounded recovery speed or split impulse (here a shorter step ejects faster) |
+# | a body is thrown off when it touches | $\omega h$ near or above the limit, or a deep start that is removed in one step | print $\omega h$, the first depth and the ejection speed | $\omega h$: a shorter step or a softer contact. Deep start: bounded recovery speed or split impulse (here a shorter step ejects faster) |
 # | deep overlap at rest | soft spring, heavy body on a light one, too few sweeps | print the residual; swap the masses | Newton's method; sub-steps; harder solref and solimp |
 # | a block curves while it brakes | friction pyramid | push it off in several directions | elliptic cone |
 # | rattling on a mesh or an edge | the normal flips; one point instead of a manifold | draw the normals over time | manifold; rounded edges (a radius) |
@@ -1649,12 +1654,12 @@ for how, (speed, reached) in zip(
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *Penalty or constraint?* First ask what the contact has to do. "A penalty is a spring: nothing
-# to solve. But bodies sink in, regularised friction creeps, and integrated explicitly it has a step limit. Once
-# solved, a constraint keeps bodies apart and sticks exactly. It has no step limit of its own, but removing a deep
-# overlap needs a bounded speed. It needs a solver: Gauss-Seidel is slow for heavy on light, Newton is not. MuJoCo is
-# in between: its relaxed cone makes the problem convex, its softness makes the forces unique, and it creeps; impratio
-# and solref reduce that."
+# **Interview tip.** *Penalty or constraint?* First ask what the contact has to do. "A penalty is a spring: nothing to
+# solve. But bodies sink in, regularised friction creeps, and integrated explicitly it has a step limit. Once solved, a
+# constraint overlaps only by drift, and sticks without creep up to the limit of its cone. It has no step
+# limit, but removing a deep overlap needs a bounded speed. It needs a solver: Gauss-Seidel is slow for heavy
+# on light, Newton is not. MuJoCo is in between: its relaxed cone makes the problem convex, its softness makes the
+# forces unique, and it creeps; impratio and solref reduce that."
 #
 # </div>
 #

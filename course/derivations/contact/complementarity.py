@@ -29,7 +29,9 @@ def _ball(gap, speed, dt):
 @claim(
     "At a contact the velocity jumps.",
     "However short the step, a rigid contact that closes has taken the whole approach speed at "
-    "its end. A rigid contact at rest has nothing to take, so nothing jumps there. "
+    "its end. A rigid contact at rest has nothing to take, so nothing jumps there. What slides can "
+    "jump although nothing approaches: Painleve's rod jams and stops, and the convex friction law "
+    "lifts a sliding block. "
     "A spring, a damper or MuJoCo's soft contact changes the velocity over a certain "
     "time, so a short step changes it only a little: by {soft_share:.1%} of the approach speed in "
     "{dt_us:.0f} us.",
@@ -59,14 +61,26 @@ def contact_velocity_jumps(result):
         """Return whether some contact's velocity changes by more than a tenth of 1 m/s."""
         return bool(np.abs(changes(model, scene, velocity, step)[1]).max() > 0.1)
 
+    def slips(model, scene, step):
+        """Return whether a step changes a contact velocity, sliding included, by 0.1 m/s."""
+        problem = scene.problem(step)
+        rows = problem.jacobian.reshape(-1, problem.velocity.size)
+        change = rows @ (solve(model, problem).velocity - problem.velocity)
+        return bool(np.abs(change).max() > 0.1)
+
     # Steps over three decades: a velocity that jumps must do so however short the step is.
     speeds, steps = result.rng.uniform(0.5, 3.0, 8), 10 ** result.rng.uniform(-7, -4, 8)
+    # At 60 degrees the rod jams above 1.347.
+    jammed = list(zip(result.rng.uniform(1.4, 1.75, 4), steps[:4], strict=True))
+    sliding = list(zip(speeds[:4], steps[:4], strict=True))
+    law = ("lcp", "pgs", "coulomb")
     soft = solve("soft", _ball(-1e-9, -1.0, dt)).velocity[0] + 1.0
     result.measure("soft_share", soft, tolerance=1e-3)
     result.statement = f"A ball at 1 m/s, a step of {dt:g} s: the soft model takes {soft:.4f} m/s."
     result.statement_holds(
         lost("soft", 1.0, dt),
-        only_if="the bodies are rigid and approach each other where they touch",
+        only_if="the bodies are rigid and approach each other where they touch, or slide and jam "
+        "(Painleve's rod), or slide in the convex model",
         # Chosen to break it: several contacts that close at once, and one that also slides.
         inside=[lost(m, *row) for m in RIGID for row in zip(speeds, steps, strict=True)]
         + [
@@ -78,7 +92,10 @@ def contact_velocity_jumps(result):
                 (scenes.table((0.3, 0.1)), [-1.0, 0.5, 0.3]),
                 (scenes.block(0.2, 0.5), [1.0, 0.5, -0.7]),
             )
-        ],
+        ]
+        # Nothing approaches: rods above the friction at which they jam, and a sliding block.
+        + [slips(m, scenes.rod(np.radians(60.0), mu), h) for m in RIGID for mu, h in jammed]
+        + [slips("convex", scenes.block(0.0, 0.5, (v, 0.0)), h) for v, h in sliding],
         outside=[
             lost(m, *row) for m in ("soft", "penalty") for row in zip(speeds, steps, strict=True)
         ]
@@ -91,7 +108,10 @@ def contact_velocity_jumps(result):
                 (scenes.tower([1.0, 5.0]), [0.0, 0.0]),
                 (scenes.ball_drop(0.0), [1.0]),
             )
-        ],
+        ]
+        # Chosen to break it: what slides without jamming, also a rod below that friction.
+        + [slips(m, scenes.rod(np.radians(60.0), 0.75 * mu), h) for m in law for mu, h in jammed]
+        + [slips(m, scenes.block(0.0, 0.5, (v, 0.0)), h) for m in law for v, h in sliding],
     )
     # A smooth force changes the velocity in proportion to the step.
     shorter = solve("soft", _ball(-1e-9, -1.0, 0.1 * dt)).velocity[0] + 1.0
@@ -100,7 +120,7 @@ def contact_velocity_jumps(result):
 
 @claim(
     "Exactly one of contact force and gap is zero at any time.",
-    "For rigid bodies at least one of them is zero, and both may be. All four legs of a table "
+    "By the rigid law at least one of them is zero, and both may be. All four legs of a table "
     "touch the floor, and yet an exact solver leaves {idle:.0f} of them without force. A ball that "
     "is thrown straight up has neither gap nor force at the moment it leaves. In a soft contact "
     "at rest neither is zero: the ball is {sunk_mm:.2f} mm deep and pushed.",
@@ -236,9 +256,9 @@ def potential_of_contact(result):
 
 @claim(
     "At gap zero the law of rigid contact allows every force from zero upwards: it is set-valued.",
-    "The law alone allows any of these forces. The load decides which one occurs: under loads "
-    "from {low_n:.0f} to {high_n:.0f} N, a body at gap zero stays where it is, each time with a "
-    "different contact force.",
+    "The law alone allows any of these forces. For a single contact the load decides which one "
+    "occurs: under loads from {low_n:.0f} to {high_n:.0f} N, a body at gap zero stays where it is, "
+    "each time with a different contact force.",
 )
 def contact_law_is_set_valued(result):
     from course.contact import scenes, solve

@@ -271,9 +271,9 @@ def pyramid_slips(result):
     )
     result.statement_holds(
         slips(0.0),
-        only_if="the pyramids of all contacts have four edges, on the cone and in the same "
-        "directions, the object does not turn, and the load is above the cone's divided by "
-        "|cos(t)| + |sin(t)|, with t its angle to an edge, and not above the cone's own",
+        only_if="all contacts have the same pyramid with four edges on the cone, the object does "
+        "not turn, and the load is between the pyramid's limit and the cone's. The pyramid's limit "
+        "is the cone's divided by |cos(t)| + |sin(t)|, with t the angle of the load to an edge",
         # Above the cone's own load the object slips with any friction law: not the pyramid's doing.
         inside=[
             slips(angle, load) and not slips(angle, load, "coulomb")
@@ -445,7 +445,8 @@ def friction_has_a_step_limit(result):
     result.statement_holds(
         trembles < 1e-3,
         only_if="the step is also below 2 m v_s/(mu f_n), with f_n the sum over the contacts of "
-        "the body and m the least mass that they feel in a motion of it",
+        "the body, and m the smallest mass that they feel: that of the motion, sliding or "
+        "turning, that is easiest to start",
         inside=[remaining(*draw)[0] < 1e-3 for draw in draws]
         + [
             rolling(mu, slip, share * mass, i) < 1e-3

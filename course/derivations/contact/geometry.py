@@ -401,9 +401,10 @@ print(coal.Pair(cube, cube, float(sys.argv[2])).distances(still, still + 1.25 * 
     "It is as exact as its tolerances, and it has habits. With its default tolerance of "
     "{usual:.0e} it reports two aligned faces as touching up to a gap of {touch_um:.2f} um, and "
     "the distance between a box of a kilometre and one of a millimetre is off by up to "
-    "{far_um:.0f} um. With tolerances of {tight:.0e}, the distance from a cube of a metre is off "
-    "by {large:.0e} m if the first direction in which the process ever searched a box had a zero "
-    "in it, and by {plain:.0e} m otherwise. Enumerating all pairs of features shows this; the "
+    "{far_um:.0f} um. With tolerances of {tight:.0e}, its answers depend on the first "
+    "query of a process, from which Coal stores a factor. If the search direction of that query "
+    "had a zero component, later distances from a cube of a metre are off by {large:.0e} m; "
+    "otherwise they are exact. Enumerating all pairs of features shows this; the "
     "course's own distance differs from the enumeration by {ours:.0e} of the size.",
     source="Coal 3 source, support_functions: a static factor of 1 + 1e-10 for boxes",
 )
@@ -513,10 +514,10 @@ def epa_gives_the_contact(result):
 
 @claim(
     "A circle test returns the depth and the normal of two circles that overlap.",
-    "The usual listing divides by the distance of the centres. If that is 0, or no more than the "
-    "listing's limit of {limit_m:.0e} m, it returns no contact at all, although the overlap is as "
-    "deep as it can be: {depth_m:g} m here. If it is 0, any "
-    "direction is then a correct normal, and the code has to choose one.",
+    "A common implementation divides by the distance of the centres, and returns no contact at all "
+    "if that distance is {limit_m:.0e} m or less. But there the overlap is as deep as it can be: "
+    "{depth_m:g} m here. At a distance of 0 any direction is a correct normal, and the code has to "
+    "choose one.",
 )
 def circle_test_concentric(result):
     from course import contact
@@ -762,7 +763,7 @@ def concave_mesh_is_its_hull(result):
     "The hull of a round mug of {triangles:.0f} triangles keeps both rims and has {faces:.0f} "
     "triangles. In an engine that collides hulls anyway, such as MuJoCo, nothing gets faster: for "
     "the mesh and for its hull it stores the same {kept:.0f} corners, and both give the same "
-    "depth for a ball. What you lose is the inside of the mug: a ball that hangs freely in it is "
+    "depth for a ball. The inside of the mug is lost either way: a ball that hangs freely in it is "
     "{depth_mm:.0f} mm deep.",
 )
 def mug_and_its_hull(result):

@@ -270,8 +270,8 @@ def convex_cone_is_coulomb(result):
     "contact is scaled with the inverse masses. The light body determines the softness, and the "
     "heavy one loads it: a light body sinks by {deep_mm:.1f} mm under {heavy:.0f} times its mass, "
     "whatever the solver, and by {equal_mm:.2f} mm under its equal. Under {huge:.0f} times its "
-    "mass it is swallowed: the heavy body stands on the ground "
-    "itself, {swallowed_mm:.0f} mm deep in a light body of {radius_mm:.0f} mm radius. Rigid "
+    "mass it is swallowed: the heavy body's lowest point is on the ground, {swallowed_mm:.0f} mm "
+    "deep in a light body of {radius_mm:.0f} mm radius. Rigid "
     "models, solved, leave {rigid_mm:.0e} mm.",
 )
 def heavy_on_light_sinks(result):
@@ -335,12 +335,12 @@ def heavy_on_light_sinks(result):
 @claim(
     "The top of a tower of n equal boxes sags by n (n + 1)/2 times what the topmost contact does.",
     "If the springs stiffen with the depth, as between two balls (Hertz), the lower contacts sink "
-    "by less: {hertz:.2f} of it for {few:.0f} boxes. In MuJoCo, the contact with the ground counts "
-    "the mass of one body "
-    "and the others that of two; with constant impedance the top then sags by n^2 times the depth "
-    "of a single body on the ground. The default impedance grows with the depth, and then there "
-    "is no simple law: {few:.0f} boxes sag by {share_few:.3f} of n (n + 1)/2 times their topmost "
-    "contact, {n:.0f} boxes by {share:.3f} of it.",
+    "by less: {hertz:.2f} of it for {few:.0f} boxes. In MuJoCo a contact is softer, the larger the "
+    "sum of the inverse masses of its bodies. The contact with the ground counts one body and the "
+    "others two, so these are twice as soft. With constant impedance the top then sags by n^2 "
+    "times the depth of a single body on the ground. The default impedance grows with the depth, "
+    "and then there is no simple law: {few:.0f} boxes sag by {share_few:.3f} of n (n + 1)/2 times "
+    "their topmost contact, {n:.0f} boxes by {share:.3f} of it.",
 )
 def tower_sags(result):
     from course.contact import scenes

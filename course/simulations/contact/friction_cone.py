@@ -296,7 +296,7 @@ READOUTS = {
     "limit μ × normal": "Largest friction force that Coulomb's law allows at this normal force.",
     "limit of pyramid": "Largest friction force that the pyramid allows opposite to the pull.",
     "acceleration": "Acceleration of the block: what friction leaves of the pull, over the mass.",
-    "contact": "Whether the contact sticks (inside the cone) or slides (on its surface).",
+    "contact": "Whether the contact sticks or slides, with its force on the cone's surface.",
     "time": "Simulated time since the start. A contact that sticks stays as it is meanwhile.",
 }
 

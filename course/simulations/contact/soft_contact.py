@@ -210,7 +210,8 @@ PRESETS = {
     "Bouncy": Preset(
         {"time": 40.0, "ratio": 0.15, "height": 50.0},
         "A small damping ratio leaves energy in the spring, and the body bounces. MuJoCo has no "
-        "coefficient of restitution: a damping ratio below 1 takes its place.",
+        "coefficient of restitution: the damping ratio takes its place. A ratio of 1 still leaves "
+        "about 14 % of the speed, because the contact can only push.",
     ),
 }
 

@@ -341,8 +341,9 @@ PRESETS = {
             "start": (0.0, 0.15, 0.0, 0.0),
             "timestep": 2.0,
         },
-        "The hand lifts the boxes out of an overlap. As long as the penalty box overlaps, its "
-        "damper pulls it back: the normal force is negative, as if the floor were sticky.",
+        "The hand lifts the boxes out of an overlap. Once the penalty box moves up fast enough, "
+        "its damper pulls more than its spring pushes: the normal force is negative, as if the "
+        "floor were sticky.",
     ),
     "Explosion": Preset(
         {"stiffness": 50000.0, "timestep": 15.0, "zeta": 0.0},
