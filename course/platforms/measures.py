@@ -110,7 +110,7 @@ class Drift:
     """Energy of a motion that conserves it: a straight line, and what goes to and fro about it.
 
     Attributes:
-        rate: slope of the line [J/s].
+        rate: slope of the line [J/s]; a swing biases it a little, even over whole periods.
         swing: largest distance from the line [J].
         change: end less start [J].
     """

@@ -298,10 +298,10 @@ axis.legend(fontsize=8)
 plt.show()
 
 # %% [markdown]
-# As long as nothing touches, the equations of motion have one solution. Two correct programs compute the same
-# acceleration up to rounding. So if they also use the same scheme, the same step and the same variables (here joint
-# angles), they make the *same error*. The scheme includes how an orientation is updated, and here Drake differs from
-# the others.
+# As long as nothing touches and no joint meets a limit, the equations of motion have one solution.
+# Two correct programs compute the same acceleration up to rounding. So if they also use the same scheme, the same step
+# and the same variables (here joint angles), they make the *same error*. The scheme includes how an orientation is
+# updated, and here Drake differs from the others.
 #
 # We test this with **fair settings**, as we call them. They remove damping, motors and other additions, so that each
 # engine simulates what the scene describes. They also make contacts stiff. Here are the three scenes in which nothing
@@ -554,12 +554,12 @@ for label, engine, how in (
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Where nothing touches, engines with the same scheme, step and variables make nearly the same error.
-# With their defaults, their errors can differ more than a hundredfold. Where bodies touch, the contact models differ
-# by design, and with fair settings each of the three simulators keeps a fault. MuJoCo's block hops. Drake's tower
-# sags; how far depends on the stiffness that we chose. PyBullet, with its solver as shipped, lets a gently held part
-# sink by centimetres. A comparison that doesn't list its settings compares settings. Ask "which scheme, which step,
-# which contact?" before you ask "which simulator?"
+# **Key insight.** Where nothing touches and no joint stops, rubs or copies another one, engines with the same
+# scheme, step and variables make nearly the same error. With their defaults, their errors can differ more than a
+# hundredfold. Where bodies touch, the contact models differ by design, and with fair settings each of the three
+# simulators keeps a fault. MuJoCo's block hops. Drake's tower sags, with the stiffness that we chose.
+# PyBullet, with its solver as shipped, lets a gently held part sink by centimetres. A comparison that doesn't list its
+# settings compares settings. Ask "which scheme, which step, which contact?" before you ask "which simulator?"
 #
 # </div>
 #
@@ -567,11 +567,11 @@ for label, engine, how in (
 #
 # ### Four contact models
 #
-# Without contact there is one right answer. With contact, each engine solves a different problem, on purpose. An ideal
-# rigid body doesn't deform, so its contact force can't be computed from positions, as the force of a spring can.
-# MuJoCo and Drake therefore soften the contact. PyBullet and our code keep it rigid. (PyBullet's tower sinks a little
-# all the same, see section 7.) Then many splits of the load over the four corners of a box can satisfy Coulomb's law,
-# and each solver takes the one that it happens to reach.
+# Without contact (or a joint limit) there is one right answer. With contact, each engine solves
+# a different problem, on purpose. An ideal rigid body doesn't deform, so its contact force can't be computed from
+# positions, as the force of a spring can. MuJoCo and Drake therefore soften the contact. PyBullet and our code keep it
+# rigid. (PyBullet's tower sinks a little all the same, see section 7.) Then many splits of the load over the four
+# corners of a box can satisfy Coulomb's law, and each solver takes the one that it happens to reach.
 #
 # The simulation below shows the tower of five cubes, with the engines as shipped. Drake's contact is then at a point.
 # Its tower falls, and its curve leaves the picture:
@@ -640,10 +640,10 @@ for settings in (AS_SHIPPED, FAIR):
 
 # %% [markdown]
 # *Unexplained* tests whether we read the report correctly: do the reported forces produce the velocities that the
-# engine reached? They do, up to rounding. With rigid contacts, the residual of complementarity is 0. A soft contact
-# pushes while the bodies overlap by a depth $d$. Our measure turns $d$ into a speed [m/s]: the one that would remove a
-# fifth of $d$ in one step $h$, $d/(5h)$. So this residual is only the depth in other units. It is no extra fault of
-# MuJoCo. No force leaves the cone.
+# engine reached? They do, up to rounding. With rigid contacts that obey Coulomb's law, the residual of complementarity
+# is 0. A soft contact pushes while the bodies overlap by a depth $d$. Our measure turns $d$ into a speed [m/s]: the one
+# that would remove a fifth of $d$ in one step $h$, $d/(5h)$. So this residual is only the depth in other units. It is
+# no extra fault of MuJoCo. No force leaves the cone.
 #
 # ### Does a better scheme help with contact?
 #
@@ -1098,8 +1098,8 @@ plt.show()
 
 # %% [markdown]
 # After two seconds the elbow of the first model has wound up by many turns, in the negative direction of its
-# command. The command of a `motor` is a torque. A constant torque keeps doing work, and nothing takes the energy away.
-# A real joint has friction and end stops.
+# command. The command of a `motor` is a torque. Once the arm has fallen into full turns, a constant torque keeps doing
+# work, and nothing takes the energy away. A real joint has friction and end stops.
 #
 # The position actuator of the third model computes the torque $\tau = k_p\,(q_\mathrm{ref} - q) - k_v\,\dot q$ from
 # the command $q_\mathrm{ref}$, the angle $q$ and its rate $\dot q$. The same command 0.5 now means an angle of 0.5 rad
@@ -1223,14 +1223,19 @@ print_figures(
 # of the physics. MuJoCo, Drake and our code can take many steps in one call. The panel shows which share of a step's
 # time you save with 100 steps per call: with one link about half or more, and in our compiled loop nearly all.
 #
-# We called PyBullet once per step. PyBullet's dashed curve and the last printed line show something else: the time of
-# a step in an *empty* world as a share of a full step. Python's share is smaller, since an empty step includes fixed
-# work of the engine itself. So on a small scene, a measured rate says little about how fast the engine moves bodies.
+# So on a small scene, a measured rate says little about how fast the engine moves bodies.
+#
+# <details><summary>PyBullet's dashed curve and the last printed line</summary>
+#
+# We called PyBullet once per step. Its curve and line show something else: the time of a step in an *empty* world as a
+# share of a full step. Python's share is smaller, since an empty step includes fixed work of the engine itself.
+#
+# </details>
 #
 # On scenes like these, for smooth motion with a tight tolerance, take RK4 in MuJoCo or our code, unless strong
-# damping forces short steps. If bodies may sink by 1 mm during your task, take MuJoCo, at the largest step that
-# achieves this. Choose its elliptic cone if bodies slide: the pyramid sinks less, but steers. For sliding bodies that
-# must not hop, take PyBullet or Drake with fair settings.
+# damping forces short steps. If bodies may sink by 1 mm during your task, take MuJoCo with fair settings, at the
+# largest step that achieves this. Choose its elliptic cone if bodies slide: the pyramid sinks less, but steers. If they
+# hop too high, soften `solref`. If they must not hop at all, take PyBullet, or Drake with `lagged`.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("steps_per_second", "fewer_environments")
@@ -1362,10 +1367,10 @@ for settings in (AS_SHIPPED, FAIR):
 predict("part_that_sinks")
 
 # %% [markdown]
-# How fast does the part creep? MuJoCo's solver chooses the friction force. In a rigid contact, it would make any
-# sliding speed $v$ die out: $\dot v = -b\,v$, where the rate $b$ [1/s] follows from `solref`. In a soft contact, the
-# acceleration is larger than this, by $R_t f_t$ in the direction of the load: $\dot v = -b\,v + R_t f_t$. Here $f_t$
-# is the size of the friction force, and $R_t$ [1/kg] is the **compliance** of the contact, its softness. So steady
+# How fast does the part creep? MuJoCo's solver chooses the friction force. Its reference is that any sliding speed $v$
+# dies out: $\dot v = -b\,v$, where the rate $b$ [1/s] follows from `solref`. A soft contact falls short of this
+# reference by $R_t f_t$, in the direction of the load: $\dot v = -b\,v + R_t f_t$. Here $f_t$ is the size of the
+# friction force, and $R_t$ [1/kg] is the **compliance** of the contact, its softness. So steady
 # creep remains ($\dot v = 0$): friction carries the load $f_t$ while the contact slides at the speed $v = R_t\,f_t/b$.
 #
 # A harder contact (set by `solimp`) has a smaller compliance, lighter bodies have a larger one, and the option
@@ -1395,7 +1400,8 @@ print_figures(
 #
 # The law answers a question of 2026 (MuJoCo's issue 3328): a part, pinched with several times the
 # force it needs, sank at 155 µm/s, in proportion to 1/`impratio`. This is the law of creep, not a bug. The part sinks
-# by the creep speed times the holding time, so a short grasp suffers little.
+# by the creep speed times the holding time, so at 155 µm/s a short grasp suffers little. With MuJoCo's defaults, our
+# part sank by millimetres in half a second.
 #
 # </details>
 #
@@ -1473,10 +1479,10 @@ print("MuJoCo, over one cube  ", "".join(f"{x / cubes[0]:8.2f}" for x in cubes))
 print("equal springs          ", "".join(f"{theory.sag_growth(n):8g}" for n in (1, 2, 3, 4)))
 
 # %% [markdown]
-# MuJoCo's tower sinks in proportion to $n^2$ instead. In MuJoCo, the softness of a contact is proportional to
-# $1/m_1+1/m_2$, where $m_1$ and $m_2$ are the masses of its two bodies. The ground doesn't move, so its mass counts
-# as infinite and adds nothing. So a contact between two equal cubes is twice as soft as the one on the ground, and
-# the sum becomes $n + 2\,(1 + \dots + (n-1)) = n^2$.
+# At nearly constant impedance, as here, MuJoCo's tower sinks in proportion to $n^2$ instead. In
+# MuJoCo, the softness of a contact is proportional to $1/m_1+1/m_2$, where $m_1$ and $m_2$ are the masses of its two
+# bodies. The ground doesn't move, so its mass counts as infinite and adds nothing. So a contact between two equal cubes
+# is twice as soft as the one on the ground, and the sum becomes $n + 2\,(1 + \dots + (n-1)) = n^2$.
 #
 # Drake's patches follow $n^2$, too: on its rigid ground only the cube yields, between two cubes both do. PyBullet's
 # tower follows no such law (right panel). Its contacts should be rigid. We did not examine why they sink a little.
@@ -1540,10 +1546,10 @@ world.close()
 print_figures("platform_joints", "limit, MuJoCo:", "limit, PyB", "mimic, MuJoCo:")
 
 # %% [markdown]
-# MuJoCo's limits and copies are soft springs. Its rod passes the limit by about $v\,T/e$ at any step. Here $v$ is the
-# speed at the impact, $T$ the time constant of the spring (*stiffer* has a shorter one), which is critically damped,
-# and $e \approx 2.72$. PyBullet notices the limit up to one step late, so its rod passes it by up to $v\,h$. Drake's
-# rod stops at the limit. Our own code has neither limits nor copies.
+# MuJoCo's limits and copies are soft springs. Its rod passes the limit by about $v\,T/e$ for steps well below $T$. Here
+# $v$ is the speed at the impact, $T$ the time constant of the spring (*stiffer* has a shorter one), which is critically
+# damped, and $e \approx 2.72$. PyBullet notices the limit up to one step late, so its rod passes it by up to $v\,h$.
+# Drake's rod stops at the limit. Our own code has neither limits nor copies.
 #
 # PyBullet's reader drops the copy without a message. (*PyBullet with a gear* has it put back by hand.) The lower right
 # panel shows joint 1, which the copy also pulls: with MuJoCo's soft copy, joint 1 stays 2 mrad off the truth even at
@@ -1686,12 +1692,13 @@ simulation("platforms", "Sinking grasp")
 # back; identify parameters (chapter 8)</td></tr> <tr><td>correct at rest, but the motion comes too early or too
 # late</td> <td>the drive's own control loop is missing</td> <td>command the same sudden change of angle to robot and
 # model</td> <td>position actuators with the drive's gains, rate and limit</td></tr> <tr><td>a held part sinks</td>
-# <td>creep</td> <td>divide the tangential by the normal force: the result is below µ</td> <td>`impratio`,
-# noslip</td></tr> <tr><td>a block stops beside its heading</td> <td>pyramid</td> <td>launch it at 0 and at 22.5
-# degrees</td> <td>elliptic cone</td></tr> <tr><td>a sliding block leaves the floor</td> <td>convex contact, set
+# <td>creep</td> <td>friction over the limit of the solver's cone (chapter 2) is below 1</td>
+# <td>`impratio`, noslip</td></tr> <tr><td>a block stops beside its heading</td> <td>pyramid</td> <td>launch it at 0 and
+# at 22.5 degrees</td> <td>elliptic cone</td></tr> <tr><td>a sliding block leaves the floor</td> <td>convex contact, set
 # stiff</td> <td>record its height and its number of contacts on the way</td> <td>a softer `solref` lowers the hop;
 # another engine, if it still matters</td></tr> <tr><td>after a reset, the same run ends differently</td> <td>incomplete
-# reset</td> <td>compare bits after a reset</td> <td>build the world again, or restore a saved state</td></tr> </table>
+# reset</td> <td>compare bits after a reset</td> <td>build the world again, or restore the state and every
+# changed parameter</td></tr> </table>
 #
 # <details><summary>Symptoms of Isaac Sim</summary>
 #
@@ -1976,9 +1983,9 @@ for share in (0.0, 0.5, 0.9, 1.2, 2.0):
     )
 
 # %% [markdown]
-# Below the limit the reach barely changes, because at rest nothing is damped and nothing is missing. From 1.2 times the
-# limit, the arm flies apart within the 3 s. So *a reach that succeeds says little about the model*. Compare the torques
-# during the motion instead.
+# Below the limit the reach barely changes: some damping remains, so the deviation dies out. From 1.2 times the limit,
+# the arm flies apart within the 3 s. So *a reach that succeeds says little about the model*. Compare the torques during
+# the motion instead.
 
 # %%
 more_claims("controller_moves")
@@ -2005,7 +2012,8 @@ print("written" if len(mine.split()) > 30 else "not written yet: thirty words or
 # <details><summary>An answer, from this chapter's figures</summary>
 #
 # *Which scheme and step in each? Which settings were left as shipped? Where did the truth come from?* If both ran the
-# same scheme at the same step, I'd expect nearly the same error as long as nothing touches.
+# same scheme at the same step, I'd expect nearly the same error as long as nothing touches and no joint meets a limit,
+# rubs or copies another one.
 #
 # First run: a smooth scene with a closed form, fair settings, at one step and at half of it. Both errors should fall by
 # the same factor, on one line. An engine that leaves the line has another scheme, a default that nobody undid, or a

@@ -33,9 +33,11 @@ def compiled(joint, more="", links=1):
 @claim(
     "The hello world ran and printed angles, so the arm moves as an arm does.",
     "Two links without damping, let go upright under gravity, wound up under constant torques: a "
-    "joint got {turns:.1f} turns from its start within {seconds:.0f} s, and half the step put it "
-    "{apart:.0f} degrees elsewhere. With a damping of {damping:.1f} N m s/rad and limits the arm "
-    "fell onto a stop at {calm:.2f} turns, and half the step put it {near:.2f} degrees elsewhere.",
+    "joint got {turns:.1f} turns from its start within {seconds:.0f} s. Repeated with half the "
+    "step, the second joint ended {apart:.0f} degrees away from where it ended before. With a "
+    "damping of {damping:.1f} N m "
+    "s/rad and limits the arm fell onto a stop at {calm:.2f} turns, and half the step changed the "
+    "end by {near:.2f} degrees.",
 )
 def hello_world_winds(result):
     import mujoco
@@ -409,14 +411,19 @@ def controller_moves(result):
         measures.reach(every[0], 1e-3, FAIR, damping=0.0, modelled=float(x) * limit)
         for x in result.rng.uniform(1.5, 3.0, 4)
     ]
+    # Half of what the controller can bear to lack, and a little that the model does not know.
+    nearly = [
+        measures.reach(every[0], 1e-3, FAIR, damping=acts, modelled=believed)
+        for acts, believed in ((0.0, 0.5 * limit), (0.05, 0.0))
+    ]
     added = [measures.reach(every[0], 1e-3, FAIR, damping=x, modelled=0.0) for x in (5.0, 20.0)]
     long = [measures.reach(every[0], dt, FAIR) for dt in (0.11, 0.15)]
     result.statement = "A reach of the 7-R arm in 1.5 s: within 5 mm, slower than 5 cm/s."
     result.statement_holds(
         all(one.success for one in shipped),
-        only_if="what acts is what the model knows, no more and no less, and the step is short "
-        "for the controller's pace",
-        inside=[one.success for one in (*fair, *known)],
+        only_if="what acts is nearly what the model knows, and the step is short for the "
+        "controller's pace",
+        inside=[one.success for one in (*fair, *known, *nearly)],
         outside=[one.success for one in (*shipped, *lacking, *added, *long)],
     )
     result.correction_holds(

@@ -168,13 +168,24 @@ def pyramid_box(result):
     law = np.array([float(result.formula.subs({D: 1, phi: a})) for a in headings])
     # Chosen to break it: headings all round, and near to every axis.
     around = np.append(headings.clip(0.1), [1.2, 1.47, 1.67, 2.4, 3.04, -0.1, -2.0, -3.0])
-    pyramid, _ = stops(MUJOCO, around, 1e-3, FAIR.using(cone="pyramidal"))
+    # And along every axis and diagonal.
+    straight_on = 0.25 * np.pi * np.arange(8)
+    inner = FAIR.using(cone="pyramidal")
+
+    def steered_too_far(far, turn, headings):
+        """Return for each heading whether the block ended too far, nearer to the diagonal."""
+        # The diagonal is to the left of a heading in the first half of its quadrant.
+        left = np.where(np.mod(headings, 0.5 * np.pi) < 0.25 * np.pi, 1.0, -1.0)
+        return [bool(x > 1.01 and y > 2e-3) for x, y in zip(far, left * turn, strict=True)]
+
     result.statement = "PyBullet's block at eight random headings up to 45 degrees beside the law."
     result.statement_holds(
         near[0] > 1.0,
-        only_if="it lies inside the cone, and the heading off its axes",
-        inside=[x > 1.01 for x in pyramid],
-        outside=[x > 1.01 for x in length],
+        only_if="it lies inside the cone, and the heading is neither along its axes nor along its "
+        "diagonals",
+        inside=steered_too_far(*stops(MUJOCO, around, 1e-3, inner), around),
+        outside=steered_too_far(length, steered, headings)
+        + steered_too_far(*stops(MUJOCO, straight_on, 1e-3, inner), straight_on),
     )
     result.correction_holds(
         bool(np.all(np.abs(length / law - 1.0) < 0.01)),
@@ -523,9 +534,10 @@ def tower_by_engine(result):
 
 @claim(
     "PyBullet's contacts are less accurate than MuJoCo's.",
-    "With fair settings, PyBullet's error after a landing is {landing:.1f} times MuJoCo's, and in "
-    "a grasp with {gentle_n:.0f} N {grasp:.0f} times. With {firm_n:.0f} N it is only {firm:.2f} "
-    "times MuJoCo's, and on a tower of five {high:.2f} times. In a slide and a braking block, both "
+    "That depends on the scene and on the settings. With fair settings, PyBullet's error after a "
+    "landing is {landing:.1f} times MuJoCo's, on a tower of three {low:.1f} times, and in a grasp "
+    "with {gentle_n:.0f} N {grasp:.0f} times. With {firm_n:.0f} N it is only {firm:.2f} times "
+    "MuJoCo's, and on a tower of five {high:.2f} times. In a slide and a braking block, both "
     "errors are about equal. During the braking, MuJoCo's error is {hops:.1f} times PyBullet's, "
     "because its block hops. As shipped, MuJoCo's tower of three sinks {tower:.1f} times as far as "
     "PyBullet's, and PyBullet's block slides {brake:.0f} mm too far.",
@@ -546,26 +558,22 @@ def bullet_less_accurate(result):
     grasp = result.measure("grasp", over(scenes.grasp(result.input("gentle_n", 3.0))), 0.5)
     firm = result.measure("firm", over(scenes.grasp(result.input("firm_n", 10.0))), 0.5)
     high = result.measure("high", over(scenes.tower(5)), 0.3)
+    low = result.measure("low", over(scenes.tower(3)), 0.3)
     largest = [measures.path_error(engine, scenes.brake(), 1e-3).largest for engine in both]
     hops = result.measure("hops", largest[0] / largest[1], 0.2)
     tower = result.measure("tower", 1.0 / over(scenes.tower(3), AS_SHIPPED), 0.2)
     brake = measures.position_error(both[1], scenes.brake(), 1e-3, AS_SHIPPED)
     result.measure("brake", 1e3 * brake, 0.02)
-    # Chosen to break "in a landing they are": other heights and steps.
+    # Landings from other heights, at other steps.
     drops = result.rng.uniform((0.01, 1.0), (0.4, 3.0), (6, 2)).tolist()
     result.statement = "Errors at the end of PyBullet over those of MuJoCo at 1 ms."
     landings = [over(scenes.drop(h), dt=1e-3 * ms) > 1.1 for h, ms in drops]
-    result.statement_holds(
-        min(landing, grasp, firm, high, *level) > 1.1,
-        only_if="a cube lands, or two fingers press gently, with fair settings",
-        inside=[landing > 1.1, grasp > 1.1, *landings],
-        outside=[x > 1.1 for x in (firm, high, *level)],
-        cases=True,
-    )
+    result.statement_holds(min(landing, grasp, firm, low, high, *level) > 1.1)
     result.correction_holds(
         all(landings),
         grasp > 50.0,
         landing > 2.0,
+        low > 1.3,
         firm < 0.5,
         high < 1.0,
         all(abs(x - 1.0) < 0.15 for x in level),

@@ -33,7 +33,7 @@ def seconds(call, repeats):
     "Two products that are built on the same engine give the same motion, whatever their settings.",
     "The settings decide, and the engine's name leaves them open. With PyBullet's default settings "
     "a block slides {shipped:.0%} further than with fair settings, on the same engine. With fair "
-    "settings, three different engines agree within {spread:.2%}.",
+    "settings, along an axis of the contact, three different engines agree within {spread:.2%}.",
     source="Documented, not measured here: Isaac Sim on Omniverse, with PhysX or Newton (NVIDIA, "
     "Isaac Sim documentation, 2026); both are backends of Isaac Lab 3.0 (2026)",
     needs=("Drake", "PyBullet"),
@@ -60,9 +60,9 @@ def built_on(result):
 
 @claim(
     "MuJoCo is the default of reinforcement learning.",
-    "A default is somebody's file: of the {all:.0f} environments in Gymnasium's own packages "
+    "There is no official default. Of the {all:.0f} environments in Gymnasium's own packages, "
     "{mujoco:.0f} run on MuJoCo, its Ant and its Humanoid among them, and {plane:.0f} on Box2D, "
-    "such as its walker in the plane. That counts one library's list, and no one's use.",
+    "such as its walker in the plane. This counts what one library offers, not what people use.",
     source="Gymnasium's registry, as installed",
 )
 def default_of_learning(result):
@@ -130,10 +130,10 @@ def drake_guarantees(outcome):
 
 @claim(
     "Drake brings the planners SNOPT and IPOPT, LQR and MPC.",
-    "SNOPT and IPOPT are solvers: a plan is a program for them, which one writes or takes from one "
-    "of {plans:.0f} classes of trajectory optimisation. LQR is there, with SciPy's gain to "
-    "{digits:.0f} digits. Of {n:.0f} names among the controllers in Python {mpc:.0f} are "
-    "predictive; one that is linear stays out of Python.",
+    "SNOPT and IPOPT solve optimisation problems. To plan with them, you write such a problem "
+    "yourself or use one of Drake's {plans:.0f} classes for trajectory optimisation. Drake has "
+    "LQR; its gain agrees with SciPy's to {digits:.0f} digits. Of the {n:.0f} names among its "
+    "controllers in Python, {mpc:.0f} are predictive. A linear MPC exists in C++ only.",
     source="Drake 1.51, 2026, pydrake.planning, solvers, systems.controllers; in C++ "
     "systems/controllers/linear_model_predictive_controller.h",
     needs=("Drake",),
@@ -169,8 +169,8 @@ def drake_planners(result):
 @claim(
     "With Drake's formal verification one proves that a robot never falls.",
     "What is proved is a set of states of a polynomial model. Of x' = x^3 - x it finds |x| < "
-    "{edge:.3f}, which is exact. With {more:.0%} more of the cubic term the state that started at "
-    "{start:.2f} of that edge is gone.",
+    "{edge:.3f}, which is exact. If the real cubic term is {more:.0%} larger, a state that starts "
+    "at {start:.2f} of that edge does not come back.",
     source="Tedrake, Underactuated Robotics, 2024, Lyapunov analysis; Drake 1.51, 2026, "
     "RegionOfAttraction",
     needs=("Drake",),
@@ -186,12 +186,14 @@ def proof_never_falls(result):
         x = Variable("x")
         return SymbolicVectorSystem(state=[x], dynamics=[cubic * x**3 - x])
 
-    def stands(start, cubic):
-        """Return whether a state comes back to 0."""
+    def stands(start, cubic, kick=0.0):
+        """Return whether a state comes back to 0, kicked after a quarter of a second."""
         simulator = Simulator(plant(cubic))
         state = simulator.get_mutable_context().get_mutable_continuous_state_vector()
         state.SetFromVector([start])
-        for _ in range(60):
+        for k in range(60):
+            if k == 5:
+                state.SetFromVector([state.GetAtIndex(0) + kick])
             simulator.AdvanceTo(simulator.get_context().get_time() + 0.05)
             if abs(state.GetAtIndex(0)) > 3.0:
                 return False
@@ -207,22 +209,25 @@ def proof_never_falls(result):
     result.statement = "Sums of squares for the set, Drake's own simulator for the runs."
     result.statement_holds(
         not missing,
-        only_if="the model is right and the start is in the set that was proved",
+        only_if="the model is right, disturbances included, and the start is in the set that was "
+        "proved",
         # Chosen to break it: starts on the other side, and next to the edge.
         inside=[
             *(stands(x * edge, 1.0) for x, _ in draws),
             *(stands(x * edge, 1.0) for x in (-0.5, -0.98, 0.9999, -0.9999)),
         ],
-        outside=[stands(0.98 * edge, 1.02 + y) for _, y in draws],
+        # Also a right model and a right start, but a kick out of the set.
+        outside=[stands(0.98 * edge, 1.02 + y) for _, y in draws]
+        + [stands(x * edge, 1.0, kick=1.0) for x in (0.3, 0.9)],
     )
     result.correction_holds(abs(edge - 1.0) < 1e-3, missing, not stands(1.02 * edge, 1.0))
 
 
 @claim(
     "Headless means that nothing is rendered.",
-    "It means that there is no window. In a PyBullet world without one a picture of {side:.0f} by "
-    "{side:.0f} pixels came out all the same, at {steps:.1f} powers of ten more than a step of the "
-    "scene. To save that, take the camera out.",
+    "It means that there is no window. In a world without one, PyBullet still rendered an image of "
+    "{side:.0f} by {side:.0f} pixels. It took {steps:.1f} orders of magnitude longer than a step "
+    "of the scene. To save this time, remove the camera.",
     source="Documented, not measured here: Isaac Lab, AppLauncher, 2025: --headless opens no "
     "window, --enable_cameras renders without one; since 3.0 (2026) it is --viz none",
     needs=("PyBullet",),
@@ -332,9 +337,10 @@ def bullet_on_gpu(result):
 
 @claim(
     "A batch simulator that is slow gets faster with fewer environments.",
-    "A step of it does come sooner. But as long as memory holds them a step costs a + b N, so N / "
-    "(a + b N) environment steps a second: half of what can be had at N = {formula}. On one "
-    "thread the course's arm made {gain:.1f} powers of ten more with {many:.0f} than with one.",
+    "A step of it does end sooner. But as long as memory holds all environments, a step costs "
+    "a + b N, so the rate is N / (a + b N) environment steps per second. At N = {formula} it "
+    "reaches half of its largest value, 1/b. On one thread, the course's arm had a rate "
+    "{gain:.1f} orders of magnitude higher with {many:.0f} environments than with one.",
     ask=(
         "A batch step of N environments costs a + b N. At which N is half of the highest rate of "
         "environment steps reached?",
@@ -408,9 +414,9 @@ def steps_per_second(result):
 
 @claim(
     "The simulator with the larger area in a radar chart is the better one.",
-    "The area goes with products of neighbours, so with the order of the axes: the same five "
-    "figures make areas of 1 to {most:.2f}. Of {n:.0f} random pairs {turned:.0%} change places "
-    "with the order.",
+    "The area is a sum of products of neighbouring values, so it depends on the order of the axes. "
+    "With the same five values, the largest area is {most:.2f} times the smallest. In {turned:.0%} "
+    "of {n:.0f} random pairs of charts, the order decides which one is larger.",
     ask=(
         "A radar chart of n axes shows the value r on each. What is its area?",
         "n*r^2*sin(2*pi/n)/2",
