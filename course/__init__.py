@@ -144,7 +144,8 @@ CHAPTERS = (
         11,
         "pipeline",
         "The whole pipeline",
-        "Perception, planning, control and physics together: where do the errors add up?",
+        "Perception, planning, control and physics together: which stage causes which error, and "
+        "when do errors cancel?",
         "An arm that finds its target and reaches for it",
         ready=True,
     ),

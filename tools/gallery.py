@@ -32,10 +32,13 @@ HEAD = """# The charts of the course
 In a work-precision diagram each point is one method with one setting: the error against an
 independent truth upwards, the cost to the right; lower left is better. A cross at the top edge is a
 run that failed. Where a setting is a step, the cross stands above what these steps cost; elsewhere
-its place along the edge means nothing. The circle is the cheapest run within the tolerance; in the
-grey band an error says how good the reference is. Dashed curves with hollow marks are another
-library on the same problem in the same run. A picture shows six curves; the others, named under
-it, are in its data.
+its place along the edge means nothing. The circle is the cheapest run within the tolerance. An
+error in the grey band is no larger than the error of the reference, so it says nothing about the
+method. Dashed curves with hollow marks are another library on the same problem in the same run. A
+picture shows six curves; the others, named under it, are in its data.
+
+*As shipped* means with the default settings of a library. *Fair* means with settings that make the
+engines solve the same problem (chapter 3).
 """
 
 
@@ -45,6 +48,9 @@ def caption(name: str) -> str:
     It comes from the chart's experiment, or is the question on the picture.
     """
     sentence = (charts.CHARTS[name][0].__doc__ or "").strip().partition("\n")[0]
+    # The docstring of a function begins with a verb; a caption begins with its subject.
+    if sentence.startswith("Chart "):
+        sentence = sentence[6].upper() + sentence[7:]
     if not sentence:
         data = json.loads((charts.FOLDER / f"{name}.json").read_text(encoding="utf-8"))
         sentence = str(data["question"] if "question" in data else data["panels"][0]["title"])

@@ -10,8 +10,9 @@ on them, and all give what a loop over single environments gives, bit for bit:
 - `course.oracles.mujoco.reach.MujocoArmReachVector(num_envs)`: the same task in `mujoco.batch`.
 
 An episode ends in one of two ways, which are kept apart: `terminations` (the task is over, there is
-no future to value) and `truncations` (the clock ran out, there is one). What follows is Gymnasium's
-`AutoresetMode`, an argument of all of them, and `metadata["autoreset_mode"]` says which it is:
+no future to value) and `truncations` (a time limit or something else that is not part of the task
+cut it off, there is one). What follows is Gymnasium's `AutoresetMode`, an argument of all of them,
+and `metadata["autoreset_mode"]` says which it is:
 
 - NEXT_STEP, the default as in Gymnasium: the row holds the last observation, and the next step of
   this environment ignores its action and starts the new episode with reward 0;

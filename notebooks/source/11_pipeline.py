@@ -465,7 +465,7 @@ for key, name in {
     "move": "physics",
 }.items():
     measured, expected = numbers("error_budget", f"{key}: rms")
-    shares = numbers("error_budget", f"{key}: ", "owned")
+    shares = numbers("error_budget", f"{key}: ", "share")
     _, owned, low, high, _ = (round(x, 1) + 0.0 for x in shares)  # without a minus before zero
     cells = (f"{measured:.2f}", f"{expected:.2f}", f"{owned:+.1f}", f"{low:+.1f} to {high:+.1f}")
     rows.append([name, *cells])
@@ -478,9 +478,9 @@ measured, expected = numbers("error_budget", "perceive: rms")
 alone_x, alone_y, sure_x, sure_y, mean_x, mean_y = numbers(
     "error_budget", "perceive alone, mean, +-, predicted: "
 )
-saved = numbers("error_budget", "control: ", "owned")[-1]
+saved = numbers("error_budget", "control: ", "share")[-1]
 bias_x, bias_y = 1e3 * np.array(settings.bias)
-lags = sum(numbers("error_budget", f"{key}: ", "owned")[1] for key in ("age", "control"))
+lags = sum(numbers("error_budget", f"{key}: ", "share")[1] for key in ("age", "control"))
 unexplained = expected**2 - measured**2
 only = repair(settings, "plan", "age", "control", "move")
 

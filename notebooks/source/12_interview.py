@@ -130,8 +130,8 @@ Markdown("\n\n".join([overview.markdown(), *texts]))
 # ### How good is a policy that passed a test?
 #
 # A *trial* is one run of the policy. Suppose that each trial succeeds with the same probability $p$, the **true success
-# rate**, and that no trial affects another. Here $p$ is the rate in the simulator: how much lower it is on the
-# robot, no number of simulated trials can tell.
+# rate**, and that no trial affects another. Here $p$ is the rate in the simulator: how far the robot's rate is from it,
+# no number of simulated trials can tell.
 #
 # The *observed rate* is the number of successes divided by the number of trials $n$. It scatters around $p$ (by the
 # binomial distribution), with the standard deviation
@@ -371,11 +371,11 @@ show("computing_and_cycle")
 # %% [markdown]
 # <details><summary>Simulation on GPUs: what you can measure on one core</summary>
 #
-# Interviewers ask why thousands of small worlds run well on a GPU. Two causes can be measured on a processor. The first
-# is the **layout**. An *array of structures* stores all numbers of a world next to each other. A *structure of arrays*
-# stores one number of all worlds next to each other. *Blocks of arrays* are structures of arrays for a few hundred
-# worlds each. The second cause is **divergence**. A GPU computes in groups of *lanes*, one world per lane, which share
-# their instructions: all lanes of a group wait while one of them runs a branch.
+# Interviewers ask what decides how well thousands of small worlds run on a GPU. Two effects can be measured on a
+# processor. The first is the **layout**. An *array of structures* stores all numbers of a world next to each other. A
+# *structure of arrays* stores one number of all worlds next to each other. *Blocks of arrays* are structures of arrays
+# for a few hundred worlds each. The second effect is **divergence**. A GPU computes in groups of *lanes*, one world per
+# lane, which share their instructions: all lanes of a group wait while one of them runs a branch.
 #
 # ![Time per arm by layout, by block width, and lanes occupied by contact](../docs/charts/batch_layout.png)
 #
@@ -616,7 +616,7 @@ print(f'missing, for example: "{designs.weakest(fleet, result).asks}"')
 #   check only the two ends of an edge for collisions, and not the segment between them.
 # * **PID** (proportional, integral and derivative control) with a motor that reaches its limit. The usual mistake is to
 #   let the integral grow while the motor is at its limit, so that the arm overshoots afterwards. Code that stops the
-#   integral there is one kind of anti-windup.
+#   integral there while the error pushes further is one kind of anti-windup.
 # * **Domain randomisation**, training on random variants of a model. The usual mistake is to change the mass of a body,
 #   but not its inertia.
 #
@@ -745,8 +745,8 @@ Markdown("\n".join(rows))
 # column confirms this cause independently: the brake acts many steps after the speed was measured. So the fix is to
 # remove the delay.
 #
-# An error of the time integration shrinks with the step. The effect of a force that has the wrong sign, or that is late
-# by a fixed time, does not.
+# At small steps, an error of the time integration shrinks with the step: the growth per second that explicit Euler
+# causes is halved. The effect of a force that has the wrong sign, or that is late by a fixed time, does not change.
 
 # %%
 show("growing_energy")
@@ -908,7 +908,7 @@ PROPERTIES = (
     "an episode has the same advantages alone and in a buffer with others (for rewards of typical size 1)",
     "a reward of 1 in each step, for ever, is worth 1 / (1 - discount) (relative)",
     "a stored step goes forward in time, and none is missing (number of wrong steps)",
-    "each layer has a gradient (number of layers without one)",
+    "each layer that should learn has a gradient (number of layers without one)",
 )
 rows = ["| | Bug | Public thread | Invariant | Right | Wrong |", "|---:|---|---|---|---:|---:|"]
 for place, one in enumerate(museum.EXHIBITS, 1):
@@ -931,7 +931,7 @@ Markdown("\n".join(rows))
 # `norm_error`: unit vectors, such as quaternions, have the length 1. `inertia_error`: an inertia tensor is symmetric,
 # and no principal moment exceeds the sum of the other two. `shift_error`: far from fixed objects, a motion that begins
 # elsewhere is the same motion, moved. `saturation_error`: what a controller commands after its actuator was at a limit
-# does not depend on how long it was there; with windup it does.
+# does not depend on how long it was there, once its filters have settled; with windup it does.
 #
 # </details>
 #
@@ -983,8 +983,9 @@ SAY = """
   rejected REJECTED.
 * **Planning.** "In two hundred new worlds like those of the training (a square with three walls, each with one slit),
   RRT-Connect needed {learned_sampler_speeds_up.learned:.0f} collision checks in the median with samples from a network,
-  and {learned_sampler_speeds_up.uniform:.0f} with uniform samples. A check is one state or one whole edge. The 95 %
-  intervals of these medians are {chart.learned_planners/1/learned/x@high=0.5:.0f} to
+  and {learned_sampler_speeds_up.uniform:.0f} with uniform samples. Without learning, samples along a grid search of the
+  network's input image need {learned_sampler_speeds_up.search:.0f}. A check is one state or one whole edge. The 95 %
+  intervals of the first two medians are {chart.learned_planners/1/learned/x@high=0.5:.0f} to
   {chart.learned_planners/1/learned/x@low=0.5:.0f} and {chart.learned_planners/1/uniform/x@high=0.5:.0f} to
   {chart.learned_planners/1/uniform/x@low=0.5:.0f}." Limit: with the walls turned by ninety degrees, the network needed
   more checks than uniform samples. It also needs an image of the world; without a camera, filling this image takes

@@ -31,8 +31,8 @@ simulation("arm")
 # large. [Chapter 4](04_kinematics.ipynb) explains why, and what to do about it.
 #
 # The course goes from the motion of one rigid body to a policy that leaves the simulator for a real machine.
-# Every method is measured, speed against accuracy, compared with the library that professionals use for the
-# same job, and pushed until it fails. {{front.counts}} {{front.hours}}
+# Most methods are measured, speed against accuracy, and pushed until they fail. Where a library does the same
+# job, they are compared with it. {{front.counts}} {{front.hours}}
 #
 # **What to know first:** {{PREREQUISITES}} [The mathematics you need](../docs/mathematics/README.md) refreshes
 # these pieces in half an hour, with pictures and ten short exercises.

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from course.measure import success
 from course.site import notebooks
 from tools import mathematics
 
@@ -48,6 +49,13 @@ def test_eigenvalues() -> None:
     assert "3 %" in ANSWERS[4] and "1.03" in ANSWERS[4]
 
 
+def test_what_decays_in_the_end_may_grow_first() -> None:
+    matrix = np.array([[0.9, 10.0], [0.0, 0.9]])
+    lengths = [np.linalg.norm(np.linalg.matrix_power(matrix, n) @ [0.0, 1.0]) for n in (1, 200)]
+    assert np.abs(np.linalg.eigvals(matrix)).max() < 1.0 < 10.0 < lengths[0]
+    assert lengths[1] < 1e-5
+
+
 def test_euler_and_its_limits() -> None:
     assert f"{np.exp(-0.2):.4f}" in ANSWERS[5] and "0.8$" in ANSWERS[5]
     x = {h: np.abs((1.0 - 2.0 * h) ** np.arange(40)) for h in (0.3, 0.75, 0.99, 1.01)}
@@ -59,6 +67,9 @@ def test_probability() -> None:
     rng = np.random.default_rng(1)
     rates = rng.binomial(100, 0.8, 200_000) / 100
     assert rates.std() == pytest.approx(0.04, abs=5e-4) and "= 0.04$" in ANSWERS[7]
+    (low,), (high,) = success.wilson([80], 100)
+    text = " ".join(ANSWERS[7].split())
+    assert "72 % and 88 %" in text and f"from {low:.0%} to {high:.0%}".replace("%", " %") in text
     noise = rng.normal(0.0, 6.0, (20_000, 36)).mean(axis=1)
     assert noise.std() == pytest.approx(1.0, abs=0.02) and "36" in ANSWERS[8]
     both = rng.normal(0.0, 3.0, 200_000) + rng.normal(0.0, 4.0, 200_000)

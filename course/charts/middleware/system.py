@@ -220,7 +220,7 @@ def late_or_lost(
     loss: float = 0.05,
     seconds: float = 60.0,
 ) -> Iterator[Panel]:
-    """Chart a servo follows commands over a lossy link: sent again and late, or lost and replaced.
+    """Chart a servo behind a lossy link: commands sent again and late, or lost and replaced.
 
     Args:
         paths: delay of the link in one direction [s].

@@ -120,9 +120,9 @@ def owned(result: Budget) -> Panel:
         ends = [[x[0], 1e6 * end, x[2]] for end in (low, high)]
         rows = [-row - 0.15 * lane for row in range(3)]
         message = (
-            f"{part}: {x[0]:.1f} alone, {x[1]:.1f} [{ends[0][1]:.1f} {ends[1][1]:.1f}] owned, "
+            f"{part}: {x[0]:.1f} alone, share of the total {x[1]:.1f} "
+            f"({ends[0][1]:.1f} to {ends[1][1]:.1f}), fixing it first removes {x[2]:.1f}"
         )
-        message += f"{x[2]:.1f} saved by mending it first"
         panel.series.append(
             Series(
                 NAMES[part],

@@ -35,7 +35,7 @@ def known(rows: Mapping[str, tuple[str, Settings]]) -> Iterator[tuple[str, str, 
 def platform_braking(
     steps: Sequence[float] = (16e-3, 8e-3, 4e-3, 2e-3, 1e-3, 5e-4), finest: float = 2e-3
 ) -> Iterator[Panel]:
-    """Chart a block that is sent off along an axis stops short by mu g dt / v of its way.
+    """Chart the missing share of a braking distance: mu g dt / v at small steps and fair settings.
 
     Args:
         steps: [s].
@@ -237,7 +237,7 @@ def platform_grasp(
     steps: Sequence[float] = (1e-3, 2e-3, 4e-3, 8e-3),
     finest: float = 8e-3,
 ) -> Iterator[Panel]:
-    """Chart carried or falling, by squeeze and step: a threshold in three engines, none in one.
+    """Chart carried or falling, by squeeze and step: one threshold, but not always in PyBullet.
 
     Args:
         ratios: squeeze over m g / (2 mu).

@@ -140,7 +140,7 @@ def _pair(q: Array, v: Array, a: Array, b: Array) -> tuple[Array, Array]:
 def symplectic_not_enough(
     side: int = 160, cycles: int = 100, periods: int = 1000, omega_dt: float = 0.1
 ) -> Iterator[Panel]:
-    """Chart steps that vary turn a stable symplectic method unstable; phase is never protected.
+    """Chart steps that vary: they can turn a symplectic method unstable; phase is never protected.
 
     Args:
         side: points of the map, each way.

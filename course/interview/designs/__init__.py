@@ -36,7 +36,7 @@ from course.interview.fields import Figure, filled
 FOLDER = Path(__file__).parent
 NAMES = ("fleet_simulation", "pick_and_place", "dexterous_hand", "among_people")
 LEVELS = ("missing", "named", "quantified", "defended")
-WORDS = 900  # of a model answer: two pages
+WORDS = 1000  # of a model answer: two pages
 
 _MIND = re.compile(
     r"\bchang\w* my mind\b|\bunless\b|\bI(?:'d| would) (?:switch|go back|fall back|drop|give up)\b",

@@ -246,8 +246,9 @@ SCENARIO = Scenario(
         ),
         Cause(
             "windup",
-            "The integral grows while the drive is at its limit and the arm is in the air. The "
-            "accumulated integral then throws the arm off the plate, and it grows again.",
+            "While the drive is at its limit, the integral goes on growing: in the air towards the "
+            "plate, during the impact away from it. So it drives the arm into the plate, then "
+            "throws it off, again and again.",
             "bound_integral",
         ),
         Cause(
