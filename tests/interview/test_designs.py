@@ -168,7 +168,7 @@ def test_nothing_in_a_drawing_covers_anything(name: str) -> None:
 def test_a_faulty_design_is_refused(changes, text: str) -> None:
     with pytest.raises(ValueError, match=text):
         replace(DESIGNS["pick_and_place"], **changes)
-    with pytest.raises(ValueError, match="up to 900 words"):
+    with pytest.raises(ValueError, match=f"up to {designs.WORDS} words"):
         replace(DESIGNS["pick_and_place"], answer=DESIGNS["pick_and_place"].answer + " so" * 900)
     with pytest.raises(ValueError, match=r"rubric must be .*, got 1"):
         replace(DESIGNS["pick_and_place"], rubric=DESIGNS["pick_and_place"].rubric[:1])
