@@ -745,8 +745,8 @@ Markdown("\n".join(rows))
 # column confirms this cause independently: the brake acts many steps after the speed was measured. So the fix is to
 # remove the delay.
 #
-# At small steps, an error of the time integration shrinks with the step: the growth per second that explicit Euler
-# causes is halved. The effect of a force that has the wrong sign, or that is late by a fixed time, does not change.
+# At small steps, an error of the time integration shrinks with the step. The effect of a force that has the wrong sign,
+# or that is late by a fixed time, does not.
 
 # %%
 show("growing_energy")
