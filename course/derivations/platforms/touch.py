@@ -172,8 +172,9 @@ def pyramid_box(result):
     straight_on = 0.25 * np.pi * np.arange(8)
     inner = FAIR.using(cone="pyramidal")
 
-    def steered_too_far(far, turn, headings):
+    def steered_too_far(stopped, headings):
         """Return for each heading whether the block ended too far, nearer to the diagonal."""
+        far, turn = stopped
         # The diagonal is to the left of a heading in the first half of its quadrant.
         left = np.where(np.mod(headings, 0.5 * np.pi) < 0.25 * np.pi, 1.0, -1.0)
         return [bool(x > 1.01 and y > 2e-3) for x, y in zip(far, left * turn, strict=True)]
@@ -183,9 +184,9 @@ def pyramid_box(result):
         near[0] > 1.0,
         only_if="it lies inside the cone, and the heading is neither along its axes nor along its "
         "diagonals",
-        inside=steered_too_far(*stops(MUJOCO, around, 1e-3, inner), around),
-        outside=steered_too_far(length, steered, headings)
-        + steered_too_far(*stops(MUJOCO, straight_on, 1e-3, inner), straight_on),
+        inside=steered_too_far(stops(MUJOCO, around, 1e-3, inner), around),
+        outside=steered_too_far((length, steered), headings)
+        + steered_too_far(stops(MUJOCO, straight_on, 1e-3, inner), straight_on),
     )
     result.correction_holds(
         bool(np.all(np.abs(length / law - 1.0) < 0.01)),
