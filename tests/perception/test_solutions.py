@@ -129,17 +129,27 @@ def test_steps_end_where_those_of_open3d_and_the_chapter_do(rng):
         R, p = dR @ R, dR @ p + dp
     # Where two ways to match take turns there is no end to agree on.
     assume(np.max(np.abs(dp)) < 1e-9)
-    fit = perception.icp(points, perception.Cloud.of(model, normals), tolerance=1e-14)
+    cloud = perception.Cloud.of(model, normals)
     target = open3d.Cloud(model)
     target.set_normals(normals)
     start = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    theirs = open3d.matrix(open3d.Cloud(points).icp(target, start, 9.0, 60, to_plane=True).pose)
-    for turned, moved, tolerance in (
-        (fit.R.T, -fit.R.T @ fit.p, 1e-7),
-        (theirs[:3, :3], theirs[:3, 3], 1e-6),
-    ):
-        # Chapter and library linearise in other ways and may end at another pose: one that our step
-        # does not leave either.
+
+    def chapter(iterations):
+        fit = perception.icp(points, cloud, tolerance=1e-14, iterations=iterations)
+        return fit.R.T, -fit.R.T @ fit.p
+
+    def library(iterations):
+        fit = open3d.Cloud(points).icp(target, start, 9.0, iterations, to_plane=True)
+        pose = open3d.matrix(fit.pose)
+        return pose[:3, :3], pose[:3, 3]
+
+    for method, tolerance in ((chapter, 1e-7), (library, 1e-6)):
+        turned, moved = method(60)
+        # They linearise in other ways, so matches may take turns in one and not in the other.
+        turned_on, moved_on = method(61)
+        if max(np.abs(turned - turned_on).max(), np.abs(moved - moved_on).max()) > 1e-9:
+            continue
+        # For the same reason they may end at another pose: one that our step does not leave either.
         if np.abs(R - turned).max() > tolerance:
             dR, dp = solutions.point_to_plane_step(turned @ points + moved[:, None], model, normals)
             np.testing.assert_allclose(dR, np.eye(3), rtol=0, atol=1e-5)
