@@ -42,8 +42,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # `make test` samples the same examples every time, and `make prove SEED=2` others than with seed 1.
-# With pytest alone, without --hypothesis-seed, each run of the long tier samples new ones. Where CI is
-# set, the library's own profile would ignore the seed.
+# With pytest alone, without --hypothesis-seed, each run of the long tier samples new ones. Where CI
+# is set, the library's own profile would ignore the seed.
 hypothesis.settings.register_profile("test", derandomize=True, deadline=None, database=None)
 hypothesis.settings.register_profile("prove", derandomize=False, deadline=None, print_blob=True)
 hypothesis.settings.load_profile("prove" if PROVE else "test")
