@@ -48,9 +48,9 @@ LAWS = ("coulomb", "convex")
 def penalty_force(depth, u, stiffness, damping, friction, slip, pull, force):
     """Write the force of one contact into `force` (d,), from depth [m] and velocity u (d,).
 
-    Normal: stiffness times depth less damping times the speed apart. A damper alone would hold back
-    what leaves (the pull-back artefact); it is clipped unless `pull`. Friction grows with the slip
-    up to the speed `slip`, and is Coulomb's beyond.
+    Normal: stiffness times depth less damping times the separation speed. The damper could pull
+    separating bodies back (the pull-back artefact), so the force is clipped unless `pull`. Friction
+    grows with the slip up to the speed `slip`, and is Coulomb's beyond.
 
     Args:
         depth: penetration, positive while the bodies overlap [m].

@@ -113,8 +113,8 @@ for kind, name in names.items():
     print(f"{name:<17} {pairs.shape[1]:7d} {every:10d} {sweep.tests:10d} {in_cells:7d}   {same}")
 # %% [markdown]
 # The grid needs the fewest tests here, but for few boxes not the least time (right chart below). For sweep and prune,
-# sorting is cheap, and the overlap tests are the main cost. Reusing the last step's order without its pairs saves only
-# the sorting.
+# sorting is cheap, and the overlap tests are the main cost. Storing the sorted order, but no pairs, saves only the
+# sorting.
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 #
@@ -254,12 +254,12 @@ simulation("touch", "Tunnelling")
 #
 # <details><summary>How to read the chart</summary>
 #
-# The chart shows the lowest speed at which the ball passes. If overlap is *checked once a step*, that speed lies at the
-# geometric limit $(2r+w)/h$, the sloping line. The dotted line is the predicted speed at which the ball gets past the
-# middle of the wall. We tried a list of speeds. With *MuJoCo, default*, the first or second one above this line already
-# passes, at every step. *MuJoCo, speculative* creates the contact one step before touch (a **speculative** contact),
-# which helps only at long steps. A ball that is *advanced to the impact* never passed. (A triangle at the top says
-# that no tested speed passed.)
+# The chart shows the lowest speed at which the ball passes. If overlap is *checked once a step*, that speed lies at
+# the geometric limit $(2r+w)/h$, the sloping line. The dotted line is the predicted speed at which the ball gets past
+# the middle of the wall. We tried a list of speeds. With *MuJoCo, default*, it passes at the first or second tested
+# speed above this line, at every step. *MuJoCo, speculative* creates the contact one step before touch (a
+# **speculative** contact), which helps only at long steps. A ball that is *advanced to the impact* never passed. (A
+# triangle at the top says that no tested speed passed.)
 #
 # </details>
 # %%
@@ -292,12 +292,12 @@ more_claims("circles_once_a_step", "soft_wall")
 simulation("penalty_spring")
 # %% [markdown]
 # Look at the $\max$. While the bodies separate, $u_n$ is positive, and the damper's part pulls them *together*. As long
-# as the sum of both is a push, nothing is wrong. If the sum is a pull, the $\max$ sets it to zero.
+# as spring plus damper is a push, nothing is wrong. If the sum is a pull, the $\max$ sets it to zero.
 #
 # How strong is a damper? A spring $k$ with a mass $m$ oscillates at the angular frequency $\omega = \sqrt{k/m}$, and
 # the **damping ratio** is $\zeta = b/(2m\omega)$. Below 1, the mass swings past the position where the spring is
-# relaxed. (In a contact, that is where the bodies just touch.) At 1, **critical damping**, or above, a mass released at
-# rest only approaches it.
+# relaxed. (In a contact, that is where the bodies just touch.) At 1 (**critical damping**) and above, a mass released
+# at rest only approaches it.
 #
 # In the next simulation the $\max$ is switched off and a hand lifts the blue box out of an overlap. (For the orange
 # box the constraint removes the overlap at once.) Watch the force plot:
@@ -605,7 +605,7 @@ more_claims(
 # Push a heavy crate sideways, harder and harder. At first the floor pushes back exactly as hard as you do. Once you
 # push harder than the floor can, the crate moves.
 #
-# **Coulomb's law** limits the friction force to a fraction of the normal force, and says where it points:
+# **Coulomb's law** limits the friction force to $\mu$ times the normal force, and says where it points:
 #
 # $$\boxed{\;\lVert f_t\rVert \le \mu f_n, \qquad \text{and while the contact slides:}\quad
 # f_t = -\mu f_n \frac{u_t}{\lVert u_t\rVert}\;}$$
@@ -629,20 +629,20 @@ simulation("friction_cone")
 #
 # Here the penalty box and the constraint box are pulled harder than the cone allows. While they slide, both forces lie
 # on the edge of the cone. Near the hand the pull gets weaker, the orange box stops (the blue one creeps on), and both
-# points move inside:
+# forces move inside:
 # %%
 simulation("touch", "Slip", still=0.15)
 # %% [markdown]
-# A round cone is not linear, so the step is no longer an LCP. The traditional way out is a **pyramid**: its four
-# edges lie on the cone, along $x$ and $y$, and its faces are flat. The allowed forces are all sums of four vectors
-# along the edges with non-negative weights. Seen from above, the circle of radius $\mu f_n$ has become a square that
-# stands on its corner.
+# A round cone (*true cone* in the charts) is not linear, so the step is no longer an LCP. The traditional way out is a
+# **pyramid**: its four edges lie on the cone, along $x$ and $y$, and its faces are flat. The allowed forces are all
+# sums of four vectors along the edges with non-negative weights. Seen from above, the circle of radius $\mu f_n$ has
+# become a square that stands on its corner.
 #
 # Two things follow. A block that sticks is held less well: between two corners the square lies inside the circle, and
 # at 45 degrees it allows only $1/\sqrt 2$ of the force. A block that slides is braked in another direction. Coulomb's
 # law picks, of all allowed forces, the one that brakes most, and a solver with a pyramid does the same. In the
 # circle, that force points straight against the motion. In the square, it is the corner nearest to that direction: of
-# full size, but along $x$ or $y$. Only at exactly 45 degrees it lies between two corners, and is weaker.
+# full size, but along $x$ or $y$. At exactly 45 degrees it lies between two corners and is weaker.
 # %%
 predict("braking_between_edges")
 # %% [markdown]
@@ -701,13 +701,13 @@ simulation("sweeps")
 # %%
 predict("heavy_on_light")
 # %% [markdown]
-# Started from zero, the number of sweeps grows in proportion to the mass ratio if the ratio is large, for two bodies
+# The number of sweeps from zero grows in proportion to the mass ratio if the ratio is large, for two bodies
 # and for a tower. For a tower of equal boxes it grows with the square of the number of boxes:
 #
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
-# **Lemke's algorithm** solves the pyramid's LCP exactly. It guesses which contacts are open, stick, or slide and which
-# way, and changes one guess at a time (a *pivot*) until all conditions hold.
+# **Lemke's algorithm** solves the pyramid's LCP exactly. It guesses which contacts open, stick or slide (and in which
+# direction), and changes one guess at a time (a *pivot*) until all conditions hold.
 #
 # <details><summary>Does it always find a solution?</summary>
 #
@@ -729,7 +729,7 @@ predict("heavy_on_light")
 # <details><summary>Why this is Coulomb's law: three cases</summary>
 #
 # If $p$ lies inside the cone, the step must change nothing: $\tilde u = 0$, so the contact sticks. If $p$ lies on the
-# cone's surface, $\tilde u$ is zero, and the contact just sticks, or it is perpendicular to the surface there. Then
+# surface, either $\tilde u = 0$ and the contact just sticks, or $\tilde u$ is perpendicular to the surface. Then
 # $u_t$ points straight against $p_t$, and $\tilde u_n = \mu\lVert u_t\rVert$; the added term is exactly this, so
 # $u_n = 0$. If $p = 0$, it stays zero for $\tilde u_n \ge \mu\lVert u_t\rVert$, which says $u_n \ge 0$: the contact
 # opens.
@@ -738,8 +738,8 @@ predict("heavy_on_light")
 #
 # Each iteration solves a linear system. On this chapter's stacks a few are enough. Elsewhere it may need more, or fail.
 #
-# How far did a solver get? The **residual** is the largest violation of the contact law, as a velocity. (One step of
-# 2 ms.)
+# How far did a solver get in one step of 2 ms? The **residual** is the largest violation of the contact law, as a
+# velocity.
 # %% tags=["hide-code"]
 pile = scenes.tower([1.0, 100.0]).problem(0.002)
 labels = {"pgs": "Gauss-Seidel", "lcp": "Lemke", "coulomb": "Newton on the cone"}
@@ -788,13 +788,12 @@ for dt in (1e-2, 1e-3, 1e-4):
 #
 # **ERP and CFM** come from the Open Dynamics Engine (ODE). **ERP** (error reduction parameter) is the share
 # $\beta$. **CFM** (constraint force mixing) makes the contact yield: the condition becomes $u_n + \text{CFM}\,f =
-# \text{ERP}\,\delta/h$. Since $f = p/h$, that adds CFM$/h$ to the diagonal of $A$. Solved for the force, with the $k$
-# and $b$ defined below, it reads $f = k\,(\delta - h\,u_n) - b\,u_n$: a spring $k$ that acts on the depth at the end of
-# the step, and a damper $b$. This pair is stable at every step, while the contact stays closed and the solver
-# converges. The two parameters are
+# \text{ERP}\,\delta/h$. Since $f = p/h$, that adds CFM$/h$ to the diagonal of $A$. Choose
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
+# Then the force is $f = k\,(\delta - h\,u_n) - b\,u_n$: a spring $k$ that acts on the depth at the end of the step,
+# and a damper $b$. This pair is stable at every step, while the contact stays closed and the solver converges.
 # At another step, the same spring needs other values:
 # %% tags=["hide-code"]
 for dt in (1e-2, 1e-3):
@@ -881,19 +880,19 @@ for name, height in heights.items():
 # ### Friction made convex
 #
 # Coulomb's law has an awkward property: the size of friction depends on a normal force that is itself unknown.
-# Because of that, the contact problem is not the minimum of a convex function. It can have several solutions. A
+# So the contact forces do not minimise a convex function, and several solutions can exist. A
 # strictly convex function, a bowl without flat parts, has at most one minimum, and there are reliable methods to find
 # it.
 #
-# The **convex relaxation** (Anitescu 2006) changes the law slightly: a contact that slides at the speed $u_t$ must also
-# separate, at $u_n = \mu\,u_t$ or faster. Then the step is a minimisation. For closed contacts, those with gap zero:
+# The **convex relaxation** (Anitescu 2006) changes the law slightly: a contact that slides must also separate, at
+# $u_n = \mu\,\lVert u_t\rVert$ or faster. Then the step is a minimisation. For closed contacts, those with gap zero:
 #
 # $$\text{minimise}\quad \tfrac12\,(v - v_f)^{\mathsf T} M\,(v - v_f) \qquad\text{so that}\qquad
 # u_n \ge \mu\,\lVert u_t\rVert \text{ at every contact.}$$
 #
 # So the new velocity is the allowed one nearest to $v_f$, if distance is weighted with the masses. At the minimum, a
-# contact that carries a force and slides has exactly $u_n = \mu\,u_t$. The problem is strictly convex, so $v$ is
-# unique. The impulses need not be: the four legs of a table can share the load in many ways.
+# contact that carries a force and slides has exactly $u_n = \mu\,\lVert u_t\rVert$. The problem is strictly convex, so
+# $v$ is unique. The impulses need not be: the four legs of a table can share the load in many ways.
 # %%
 predict("block_that_hops")
 # %% [markdown]
@@ -916,7 +915,7 @@ show("mujoco_is_convex_and_unique")
 # $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
 #
-# Otherwise it slides, with the force on the cone, or opens, with none. $\hat A$ estimates the row's entry on the
+# Otherwise the contact slides (force on the cone) or opens (no force). $\hat A$ estimates the row's entry on the
 # diagonal of $A$. MuJoCo computes it once, from the masses in the start position. The **impedance** $d$ lies between 0
 # and 1. It blends two accelerations: for a row on its own, $a = (1-d)\,a_0 + d\,a_{\text{ref}}$, where $a_0$ is the
 # acceleration without contact. At $d = 0$ there is no contact. At $d = 1$ the row would follow the reference; MuJoCo
@@ -986,7 +985,7 @@ show("condim_4_is_the_full_cone")
 # %%
 predict("glass_that_creeps")
 # %% [markdown]
-# A block on a slope of 0.2 rad with $\mu = 0.5$ creeps as well, the faster, the steeper the slope. The course's model
+# A block on a slope of 0.2 rad with $\mu = 0.5$ creeps as well, faster on a steeper slope. The course's model
 # and MuJoCo creep at the same speed, and impratio divides it. (`noslip_iterations` adds sweeps that remove it.)
 # %% tags=["hide-code"]
 for label, changed in (
@@ -1039,6 +1038,8 @@ more_claims(
 predict("push_that_starts_too_slow")
 # %% [markdown]
 # ![Derivatives through a contact, computed in four ways, and the truth](../docs/charts/contact_gradients.png)
+#
+# Before touch, only *randomised* and *interior point* see the block, and both are biased.
 #
 # <details><summary>Two remedies, and what they cost</summary>
 #
@@ -1118,7 +1119,7 @@ for model in ("lcp", "pgs", "coulomb", "convex"):
     r = contact.residuals(sliding, solve(model, sliding).impulses)
     print(f"{model:<9} {r.signorini:10.3f} m/s {r.cone:10.3f} N s {1e3 * r.dissipation:13.1f} mJ")
 # %% [markdown]
-# The pyramid dissipates too little. The convex model violates Signorini, because the block hops. The true cone does
+# The pyramid dissipates too little. The convex model violates Signorini, because the block hops. The round cone does
 # neither, by sweeps or with Newton's method.
 # %%
 more_claims("mujoco_is_velocity_level")
@@ -1168,7 +1169,7 @@ for model in contact.MODELS:
 # fades, and so does the speed. (2) Once $\omega h$ is below about 1.9. For a contact without any damper the limit is 2;
 # the hand's damper, which acts on the velocity before the step, lowers it a little. It also takes the energy of the
 # bounces. (3) The depth, about $mg/k$ (the hand's spring carries a little), falls
-# to a seventeenth; the largest stable step, which goes as $1/\sqrt k$, to a quarter.
+# to a seventeenth; the largest stable step, proportional to $1/\sqrt k$, to a quarter.
 #
 # </details>
 
@@ -1182,10 +1183,11 @@ simulation("touch", "Stick")
 # down a slope (tolerance 1 mm)? *How deep does a light body sink* under a heavy one (1 mm)? *How far does a held glass
 # slip* (1 mm)? The fifth: *how deep do the four legs of a table sink* (1 mm)?
 #
-# A **work-precision diagram** plots the error against the cost, one point per step size. Down and to the left is
-# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross at
-# the upper edge is a failed run; ignore its horizontal position. A circle marks the *pick*, the
-# cheapest run within the tolerance (dotted). Drag the tolerance and switch methods on:
+# A **work-precision diagram** plots the error against the cost, one point per *setting*, here the step in s. Down and
+# to the left is better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing
+# time. A cross at the upper edge is a failed run; ignore its horizontal position. A circle marks the *pick*, the
+# cheapest run within the tolerance (dotted). *Discrete* is a MuJoCo integrator that is implicit in positions and
+# velocities. Drag the tolerance and switch methods on:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1230,8 +1232,8 @@ print(f"error of yours at 1 ms: {1e3 * mine.curves[-1].points[-1].error:.1f} mm"
 TradeOff(mine)
 # %% [markdown]
 # A light body under a heavy one, 0.24 s after the heavy one was set down. MuJoCo's default softness is wrong by
-# centimetres at every step, with 100 kg on 1 kg. (The bodies still move then, and are deeper than in the card of
-# section 2, at rest.) A **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance.
+# centimetres at every step, with 100 kg on 1 kg. (They still move, and are deeper than in section 2's card, where they
+# rest.) A **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance.
 # The penalty method fails at long steps. At short ones its error is $mg/k$, the depth at which its spring carries both
 # masses. (The smaller error at its longest stable step is a coincidence: the light body still jitters.)
 #
@@ -1254,10 +1256,9 @@ TradeOff(mine)
 #
 # ### All models on all scenes
 #
-# All models take steps of 2 ms; *good* means an error within the scene's tolerance. The *compiled loop* is the
-# course's sweep, compiled and started warm. *Discrete* is a MuJoCo integrator that is implicit in positions and
-# velocities. Compare times only among compiled programs (MuJoCo, the compiled loop), or only among the course's other
-# models, in NumPy.
+# All models take steps of 2 ms; *good* means an error within the scene's tolerance, *FAILS* one above 0.3 m. The
+# *compiled loop* is the course's sweep, compiled and started warm. Compare times only among compiled programs (MuJoCo,
+# the compiled loop), or only among the course's other models, in NumPy.
 # %% tags=["hide-code"]
 rows = [line for line in read("contact_table").splitlines() if line[:8].strip() in charts.QUESTIONS]
 retained = (
@@ -1277,9 +1278,8 @@ figures(
 # %% tags=["hide-code"]
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
-# The penalty's stiffness is chosen for the tolerance of each scene. Where this makes $\omega h$ of the lightest body
-# too large, it fails. Started warm, the
-# compiled loop needs about 30 sweeps per step.
+# The penalty's stiffness is chosen for the tolerance of each scene. Where $\omega h$ of the lightest body gets too
+# large, the run fails. Started warm, the compiled loop needs about 30 sweeps per step.
 #
 # <details><summary>What the columns for time and iterations count</summary>
 #
@@ -1291,8 +1291,9 @@ print("\n".join(line for line in read("contact_table").splitlines() if line in c
 # <details><summary>The narrow phase compared with Coal</summary>
 #
 # Coal is the collision library that Pinocchio uses. The bars show Coal's processor time divided by that of the course,
-# which answers 1,000 pairs in one compiled call. Coal has both tolerances at 1e-12 and its poses set before the clock
-# starts. It is timed in one call for all pairs through Pinocchio, and in one call a pair from Python.
+# which answers 1,000 pairs in one compiled call. Coal has the tolerances of GJK and EPA at 1e-12 and its poses set
+# before the clock starts. It is timed in one call for all pairs through Pinocchio, and in one call per pair from
+# Python.
 #
 # A bar that ends left of the dotted line means that Coal is faster. In one call for all it is faster wherever the
 # shapes are apart. It is also faster for overlapping spheres and capsules, and for a sphere in a box. For all other
@@ -1315,8 +1316,8 @@ more_claims("coal_is_the_truth")
 #   one.
 # * **Learning in thousands of worlds:** measure the throughput; this chapter does not.
 # * **Small stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or
-#   pivots. Sweeps are fine if they converge (a warm start helps), or if light bodies stand on heavy ones
-#   and stacks are low.
+#   pivots. Sweeps are fine if they converge: a warm start helps, and so do low stacks with light bodies on
+#   top.
 # * **A few compliant contacts, no very light body, no solver at hand:** a penalty, with a step well below the limits of
 #   spring and friction, and a depth you accept.
 # * **Games:** one sweep in each of several sub-steps, or ten sweeps with a warm start if mass ratios are small.
@@ -1404,8 +1405,8 @@ more_claims("mujoco_timer")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Each exercise has a card with the task and three hints, a cell to change, and a check on new random cases, which says
-# what is wrong, often why. In a terminal, run `drills start aabb` and `drills check aabb`.
+# Each exercise has a card with the task and three hints, a cell to change, and a check on new random cases that reports
+# errors and often their cause. In a terminal, run `drills start aabb` and `drills check aabb`.
 #
 # ### Two axis-aligned boxes
 # %%

@@ -28,13 +28,12 @@ def _ball(gap, speed, dt):
 
 @claim(
     "At a contact the velocity jumps.",
-    "However short the step, a rigid contact that closes has taken the whole approach speed at "
-    "its end. A rigid contact at rest has nothing to take, so nothing jumps there. What slides can "
-    "jump although nothing approaches: Painleve's rod jams and stops, and the convex friction law "
-    "lifts a sliding block. "
-    "A spring, a damper or MuJoCo's soft contact changes the velocity over a certain "
-    "time, so a short step changes it only a little: by {soft_share:.1%} of the approach speed in "
-    "{dt_us:.0f} us.",
+    "However short the step, a rigid contact that closes stops the whole approach within the step. "
+    "A rigid contact at rest has nothing to stop, so nothing jumps there. What slides can jump "
+    "although nothing approaches: the end of Painlevé's rod (section 7) jams and stops, and the "
+    "convex friction law lifts a sliding block. A spring, a damper or MuJoCo's soft contact "
+    "changes the velocity over a certain time, so a short step changes it only a little: by "
+    "{soft_share:.1%} of the approach speed in {dt_us:.0f} µs.",
 )
 def contact_velocity_jumps(result):
     from course.contact import scenes, solve
@@ -80,7 +79,7 @@ def contact_velocity_jumps(result):
     result.statement_holds(
         lost("soft", 1.0, dt),
         only_if="the bodies are rigid and approach each other where they touch, or slide and jam "
-        "(Painleve's rod), or slide in the convex model",
+        "(Painlevé's rod), or slide in the convex model",
         # Chosen to break it: several contacts that close at once, and one that also slides.
         inside=[lost(m, *row) for m in RIGID for row in zip(speeds, steps, strict=True)]
         + [
@@ -146,11 +145,12 @@ def one_of_force_and_gap_is_zero(result):
 
 @claim(
     "Contact force and gap are never both positive.",
-    "In the rigid law they are not. But a soft contact with a margin already pushes before the "
-    "bodies touch: with {force_n:.2f} N at a gap of {gap_mm:.0f} mm, for a margin of "
-    "{margin_mm:.0f} mm. The convex friction law holds what slides at v up to a gap of mu v h: "
-    "{lifted_mm:.2f} mm at {speed:.0f} m/s, mu = {mu:.1f} and a step h of {step_ms:.0f} ms. And a "
-    "time step applies an impulse to a contact whose gap would close within the step.",
+    "In the rigid law at least one is zero. But a soft contact with a margin (a gap at which it "
+    "begins to act) already pushes before the bodies touch: with {force_n:.2f} N at a gap of "
+    "{gap_mm:.0f} mm, for a margin of {margin_mm:.0f} mm. The convex friction law pushes on a body "
+    "that slides at the speed v, up to a gap of mu v h: {lifted_mm:.2f} mm at {speed:.0f} m/s, mu "
+    "= {mu:.1f} and a step h of {step_ms:.0f} ms. And a time step applies an impulse to a contact "
+    "whose gap would close within the step.",
 )
 def never_both_positive(result):
     from course.contact import scenes, solve
@@ -190,8 +190,8 @@ def never_both_positive(result):
     result.statement = f"MuJoCo's model, 1 kg at rest {gap:g} m above the ground: {force:.3f} N."
     result.statement_holds(
         not both("soft", gap, margin=margin),
-        only_if="the model has no margin, the friction law does not lift what slides, as the "
-        "convex law does, and the gap does not close within the step",
+        only_if="the model has no margin, the friction law does not lift sliding bodies (the "
+        "convex law does), and the gap does not close within the step",
         inside=[not both(m, x) for m in (*RIGID, "soft", "penalty") for x in gaps]
         # Chosen to break it: blocks that slide fast, at gaps at which the convex law pushes.
         + [not slides(m, 0.9 * mu * step * v, v) for m in others for v in sliding]
@@ -431,7 +431,7 @@ def velocity_lcp_without_gap(result):
 
 
 @claim(
-    "The penalty force max(0, -k phi) is a step function of the gap.",
+    "The penalty force max(0, -k phi) is a step function of the gap phi.",
     "It is a ramp: continuous, with a kink at gap zero, where the slope changes from 0 to -k. "
     "What jumps at touch is the damper's force, by the damping times the approach speed: "
     "{jump_n:.0f} N at {speed:.0f} m/s and {damping:.0f} N s/m.",
@@ -458,7 +458,7 @@ def penalty_is_a_step(result):
 
 @claim(
     "Backpropagation through contact gives zero or undefined gradients.",
-    "Exactly at touch it has two one-sided values. After touch it is an ordinary number: "
+    "Exactly at touch the gradient has two one-sided values. After touch it is an ordinary number: "
     "a finger that reaches the block moves it {after_s:.3f} m farther for each m/s more. (Both "
     "have equal mass, there is no restitution, and the run lasts half a second.) What goes "
     "wrong is another thing. Let a ball bounce at a wall, without loss, at the end of a step. The "
@@ -505,7 +505,7 @@ def contact_gradients_vanish(result):
     result.statement_holds(
         max(np.abs(after)) < 1e-6,
         only_if="the bodies do not touch, or just touch, in the run, and no force acts before they "
-        "touch, as a margin or a smoothed contact law has",
+        "touch (as it would with a margin or a smoothed contact law)",
         inside=[abs(push(p)) < 1e-9 for p in slow]
         # At the speed that just touches, the slopes of the two sides differ.
         + [abs(one_sided(width) - one_sided(-width)) > 0.1 for width in (1e-6, 1e-5)],

@@ -153,7 +153,7 @@ def mujoco_creeps(result):
     "A glass slips out of two fingers only because friction is too low; more always stops that.",
     "Below mu = {formula} the glass falls. Above it, rigid models hold the glass, and soft ones "
     "let it creep: at {creep_mm_s:.2f} mm/s in MuJoCo with elliptic cones, whatever the friction. "
-    "With pyramids, more friction even makes it worse after a while: the glass creeps at "
+    "With pyramids, much more friction even makes it worse: the glass creeps at "
     "{pyramid_2:.0f}, {pyramid_4:.0f} and {pyramid_8:.0f} mm/s with two, four and eight times the "
     "friction that is needed.",
     ask=(
@@ -272,8 +272,7 @@ def pyramid_slips(result):
     result.statement_holds(
         slips(0.0),
         only_if="all contacts have the same pyramid with four edges on the cone, the object does "
-        "not turn, and the load is between the pyramid's limit and the cone's. The pyramid's limit "
-        "is the cone's divided by |cos(t)| + |sin(t)|, with t the angle of the load to an edge",
+        "not turn, and the load is between the pyramid's limit and the cone's",
         # Above the cone's own load the object slips with any friction law: not the pyramid's doing.
         inside=[
             slips(angle, load) and not slips(angle, load, "coulomb")
@@ -345,15 +344,15 @@ def box_of_limits(result):
 
 @claim(
     "Regularised friction is stable at any step that the contact's spring allows.",
-    "Below the slip speed v_s, regularised friction is a damper of mu f_n/v_s that acts on the "
-    "old velocity. In both Euler schemes a step multiplies the speed by 1 - h mu f_n/(m v_s), so "
-    "the step must be below 2 m v_s/(mu f_n). Here m is the mass felt at the contact point: the "
-    "whole mass of a block that cannot turn, but only {felt:.3f} of a solid ball, which the same "
-    "force also spins. If a body has several contacts, f_n is the sum of their forces, and the "
-    "motion in which they feel the least mass decides: a square plate on its {corners:.0f} corners "
-    "that may turn about the vertical trembles above {turning:.2f} of the limit for sliding. At "
-    "twice the limit, {step_ms:.2f} ms, a block at rest trembles for ever at {trembles:.1f} times "
-    "the slip speed, although its spring would allow {spring_ms:.1f} ms.",
+    "Below the slip speed v_s, regularised friction is a damper of mu f_n/v_s that acts on the old "
+    "velocity. In both Euler schemes a step multiplies the speed by 1 - h mu f_n/(m v_s), so the "
+    "step must be below 2 m v_s/(mu f_n). Here m is the mass felt at the contact point: the whole "
+    "mass of a block that cannot turn, but only {felt:.3f} of a solid ball, which the same force "
+    "also spins. If a body has several contacts, f_n is the sum of their forces, and the motion in "
+    "which they feel the least mass decides: a square plate on its {corners:.0f} corners that may "
+    "turn about the vertical trembles above {turning:.2f} of the limit for sliding. At "
+    "{step_ms:.2f} ms, twice the limit, a block that should rest trembles for ever at "
+    "{trembles:.1f} times the slip speed, although its spring would allow {spring_ms:.1f} ms.",
 )
 def friction_has_a_step_limit(result):
     from course.charts.contact.limits import step_limit
@@ -444,9 +443,9 @@ def friction_has_a_step_limit(result):
     result.statement = f"At {1e3 * step:.3f} ms it trembles at {trembles:.3f} times the slip speed."
     result.statement_holds(
         trembles < 1e-3,
-        only_if="the step is also below 2 m v_s/(mu f_n), with f_n the sum over the contacts of "
-        "the body, and m the smallest mass that they feel: that of the motion, sliding or "
-        "turning, that is easiest to start",
+        only_if="the step is also below 2 m v_s/(mu f_n), with f_n summed over the body's "
+        "contacts, and m the mass that they feel in the motion, sliding or turning, that is "
+        "easiest to start",
         inside=[remaining(*draw)[0] < 1e-3 for draw in draws]
         + [
             rolling(mu, slip, share * mass, i) < 1e-3
@@ -484,8 +483,8 @@ def friction_has_a_step_limit(result):
 @claim(
     "In MuJoCo, condim 4 gives the full friction cone.",
     "condim is the number of forces and torques of a contact. 3 has the normal force and two "
-    "forces of sliding friction; 4 adds a torque against spinning. It stops what spins on one "
-    "point; what stands on several, such as a cylinder, is stopped by 3 as well. The shape of the "
+    "forces of sliding friction; 4 adds a torque against spinning. That stops what spins on one "
+    "point. For what stands on several, such as a cylinder, 3 is enough. The shape of the "
     "cone is a separate option, and its default is the pyramid: pushed off halfway between two "
     "edges, a block with condim 4 ends {stretched:.2f} times as far from its start as with the "
     "elliptic cone.",
@@ -640,8 +639,8 @@ def damping_makes_things_stick(result):
 @claim(
     "The penalty force is F = k d n + b v_rel.",
     "With a plus sign the damper drives the bodies apart: at a damping ratio of {zeta:.1f} a ball "
-    "leaves such a contact, clipped at zero too, with {gain:.2f} times its speed. The damper must "
-    "act against v_rel, the velocity of the pushed body minus that of the other one, along "
+    "leaves such a contact (even one clipped at zero) with {gain:.2f} times its speed. The damper "
+    "must act against v_rel, the velocity of the pushed body minus that of the other one, along "
     "the normal: k d n - b (v_rel . n) n, clipped at zero.",
 )
 def penalty_law_has_a_plus(result):

@@ -245,7 +245,7 @@ def sweep_and_prune_n_log_n(result):
     result.measure("row", np.mean(rows), 0.03)
     # N log N from 500 to 4000 boxes has the exponent 1.14.
     largest = 1.0 + float(np.log(np.log(4000) / np.log(500)) / np.log(8.0))
-    result.statement = "Overlap tests counted at 500 and 4,000 boxes of a metre, one a cubic metre."
+    result.statement = "Overlap tests counted at 500 and 4,000 boxes of 1 m, one per cubic metre."
     result.statement_holds(
         max(crowds.values()) <= largest,
         only_if="the bodies stand in a row along the axis that is swept, and none of them is long",
@@ -469,10 +469,10 @@ def coal_is_the_truth(result):
 @claim(
     "When a body has sunk into another, EPA returns the way back to the side it came from.",
     "It returns the shortest way out. For a ball of {ball_mm:.0f} mm radius in a wall of "
-    "{wall_mm:.0f} mm, that is the way back up to a depth of {middle_mm:.1f} mm, the radius plus "
-    "half the wall. Beyond that, EPA pushes the ball out on the far side. And EPA gives one "
-    "point. Where faces meet, the contact is a polygon, with {corners:.0f} corners for a cube on a "
-    "cube with parallel edges.",
+    "{wall_mm:.0f} mm, that leads back as long as the depth is below {middle_mm:.1f} mm, the "
+    "radius plus half the wall. Beyond that, EPA pushes the ball out on the far side. And EPA "
+    "gives one point. Where faces meet, the contact is a polygon, with {corners:.0f} corners for a "
+    "cube on a cube with parallel edges.",
 )
 def epa_gives_the_contact(result):
     from course import contact
@@ -497,8 +497,8 @@ def epa_gives_the_contact(result):
     result.statement = "A ball is pressed into a wall from above, to random depths."
     result.statement_holds(
         back(1.5 * middle),
-        only_if="in this scene the ball is less than {middle_mm:.1f} mm deep and no edge of the "
-        "wall is nearer",
+        only_if="the ball's centre has not passed the middle of the wall (here, at a depth of "
+        "{middle_mm:.1f} mm), and no edge of the wall is nearer",
         inside=[back(share * middle) for share in result.rng.uniform(0.01, 0.999, 12)]
         + [back(share * middle, 0.9) for share in result.rng.uniform(0.01, 0.999, 4)],
         # From just beyond the middle: there the way in and the way out differ least.
@@ -628,8 +628,8 @@ def circles_once_a_step(result):
     result.statement = "Discs of 0.3 and 0.5 m; phase of the step and offset of the path at random."
     result.statement_holds(
         all(outside),
-        only_if="no step of their relative motion is longer than the part of that path over which "
-        "they overlap",
+        only_if="no step of their relative motion is longer than the part of the relative path on "
+        "which they overlap",
         # Chosen to break it: both discs move, on curved paths and in steps of unequal length.
         inside=inside + moving(0.1, 1.0),
         # And each disc by itself moves less than that part in a step, but the two together more.
@@ -643,7 +643,7 @@ def circles_once_a_step(result):
     "With one test per step, a hit can be missed only at (2 r + w) / h or faster: "
     "{geometric_m_per_s:.0f} m/s for a ball of {ball_mm:.0f} mm radius, a wall of {wall_mm:.0f} mm "
     "and a step of {step_ms:g} ms. But a soft contact gives way. Pushed past the middle of the "
-    "wall, the ball comes out on the far side. In MuJoCo's critically damped default this starts "
+    "wall, the ball comes out on the far side. In MuJoCo's default this starts "
     "at a speed of about e (r + w/2)/T, here {soft_m_per_s:.2f} m/s, where e is Euler's number and "
     "T the time constant (section 2); measured at three steps, at {smallest_m_per_s:.2f} to "
     "{largest_m_per_s:.2f} m/s.",

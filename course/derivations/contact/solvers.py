@@ -270,9 +270,9 @@ def convex_cone_is_coulomb(result):
     "contact is scaled with the inverse masses. The light body determines the softness, and the "
     "heavy one loads it: a light body sinks by {deep_mm:.1f} mm under {heavy:.0f} times its mass, "
     "whatever the solver, and by {equal_mm:.2f} mm under its equal. Under {huge:.0f} times its "
-    "mass it is swallowed: the heavy body's lowest point is on the ground, {swallowed_mm:.0f} mm "
-    "deep in a light body of {radius_mm:.0f} mm radius. Rigid "
-    "models, solved, leave {rigid_mm:.0e} mm.",
+    "mass it is swallowed: the heavy body reaches the ground, {swallowed_mm:.0f} mm deep "
+    "inside a light body of {radius_mm:.0f} mm radius. Converged rigid models leave "
+    "{rigid_mm:.0e} mm.",
 )
 def heavy_on_light_sinks(result):
     from course.contact import scenes
@@ -686,7 +686,7 @@ def steel_stiffness(result):
 
 @claim(
     "MuJoCo has a built-in timer.",
-    "It has one for each stage of a step, in the data; the Python package sets its clock. The "
+    "mjData has one for each stage of a step; the Python package provides the clock. The "
     "time of a stage is its duration divided by its number of calls, here {calls:.0f} for "
     "{steps:.0f} steps.",
 )
