@@ -52,7 +52,8 @@ def test_in_the_background_it_is_silent_detached_and_gentle(monkeypatch) -> None
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     process = warm.start_in_background([])
     assert os.getpgid(process.pid) != os.getpgrp()
-    assert process.wait(timeout=300) == 0
+    # At the lowest priority it waits for everything else that runs: the limit is only a backstop.
+    assert process.wait(timeout=1800) == 0
     program = "from tools import warm; import os; warm.topics = lambda: []; warm.main(['--gently'])"
     program += "; print(os.nice(0))"
     done = subprocess.run(

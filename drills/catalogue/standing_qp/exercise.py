@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EXACT = 1e-6  # of the weight
+# Where the limits leave little choice, a small violation buys a large shift of the forces: SciPy's
+# SLSQP, which satisfies the conditions to 1e-10, was up to 4e-5 off in 1,445 cases.
+FORCES = 1e-4  # of the weight
 STATIONARY = 1e-4  # of the gradient's length
 
 
@@ -79,9 +82,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
-    """Return 1e-6 of the weight for forces, of the weight times 1 m for torques; status exact."""
+    """Return 1e-4 of the weight (forces), 1e-6 of the weight times 1 m (torques), 0 (status)."""
     heavy = 9.81 * float(case.args[0])
-    return [EXACT * heavy, EXACT * heavy, 0.0]
+    return [FORCES * heavy, EXACT * heavy, 0.0]
 
 
 def violations(program: Program, x: Array) -> tuple[float, float, float]:
