@@ -23,8 +23,8 @@ simulation("platforms")
 
 # %% [markdown]
 # The lines show the complete motions (here all four coincide), and the dots where the engines are at the moment.
-# Section 3 explains the polygons at the right, and section 5 the numbers below. The fifth card, Isaac Sim, has no
-# measurements.
+# Section 3 explains the polygons at the right, and section 5 the numbers below. The fifth card, NVIDIA's Isaac Sim, has
+# no measurements.
 #
 # **After this chapter you can** say what makes two simulators differ before you run them; set up a fair comparison;
 # name what MuJoCo, Drake and PyBullet get wrong, where, and by how much; and choose one of them by comparing measured
@@ -327,8 +327,8 @@ for make in ("tumble", "chain", "arm"):
 #
 # The first three panels show the errors of all four engines. The last panel compares the other programs' errors with
 # ours: it shows the difference, divided by our error, for the scene in which this is largest. MuJoCo and PyBullet
-# agree with us nearly up to rounding. Drake agrees to within 0.2 %. It differs on the tumbling body only, because only
-# there an orientation is updated. The difference grows with the step and the duration, so it is smaller in the claim
+# agree with us nearly up to rounding. Drake agrees to within 0.2 %. It differs on the tumbling body only, the one
+# scene with an orientation. The difference grows with the step and the duration, so it is smaller in the claim
 # below, where the motions are shorter.
 #
 # The printed order is fitted over all steps. For RK4 it is fitted over the three largest steps only, the *coarse
@@ -366,8 +366,8 @@ show("engines_agree")
 #
 # **A worked example.** At 1 ms the chain is off by 21 mrad after 2 s, but only 10 are allowed. Euler with half the
 # step costs twice as much and still misses. A step of 0.4 ms is short enough; it costs two and a half times as much.
-# RK4's step may be 8 ms long. So it needs half as many force evaluations as Euler at 1 ms, and a fifth of Euler at
-# 0.4 ms:
+# RK4's step may be 8 ms long. So it needs half as many force evaluations as Euler at 1 ms, and a fifth as many as
+# at 0.4 ms:
 
 # %%
 for scheme, steps in (("Euler", (1e-3, 5e-4, 4e-4)), ("RK4", (8e-3,))):
@@ -385,8 +385,8 @@ show("halving_halves")
 # ### Defaults: what is set when you set nothing
 #
 # Now load the same robot into two simulators and set nothing else. You usually do this with a **URDF** (Unified Robot
-# Description Format), the XML file in which robots are exchanged. It describes links, joints, masses and shapes, and it
-# can limit the range of a joint, and give the joint damping and friction. It says nothing about time stepping, contact
+# Description Format), the XML file in which robots are exchanged. It describes links, joints, masses and shapes,
+# and optionally the limits, damping and friction of joints. It says nothing about time stepping, contact
 # softness or air resistance, and little about motors. **MJCF**, MuJoCo's own XML format, can say these things, but most
 # files leave some of them open. The simulator's authors have chosen the rest for you.
 
@@ -481,8 +481,8 @@ print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x,
 # shapes, damping, and motors that hold the joints. The inertias alone do the most harm. All three together do less,
 # since damping and motors slow the motion down.
 #
-# In Drake the cause is the contact at a point. In *brake*, it does harm only together with Drake's default method
-# `lagged` (section 2), which the fair settings keep. We did not examine how.
+# In Drake the cause is the contact at a point. In *brake*, it does harm only together with Drake's method `lagged`
+# (section 2), the default and the fair setting. We did not examine how.
 #
 # Only one bar points to the left: with the default pyramid, and all else fair, the tower sinks about sixty times less.
 # The pyramid alone divides the sinking by about six, and the fair `impratio` by about ten more (printed below).
@@ -554,12 +554,12 @@ for label, engine, how in (
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Where nothing touches and no joint stops, rubs or copies another one, engines with the same
-# scheme, step and variables make nearly the same error. With their defaults, their errors can differ more than a
-# hundredfold. Where bodies touch, the contact models differ by design, and with fair settings each of the three
-# simulators keeps a fault. MuJoCo's block hops. Drake's tower sags, with the stiffness that we chose.
-# PyBullet, with its solver as shipped, lets a gently held part sink by centimetres. A comparison that doesn't list its
-# settings compares settings. Ask "which scheme, which step, which contact?" before you ask "which simulator?"
+# **Key insight.** Where nothing touches and no joint meets a limit, has dry friction or copies another, engines with
+# the same scheme, step and variables make nearly the same error. With their defaults, their errors can differ more
+# than a hundredfold. Where bodies touch, the contact models differ by design, and with fair settings each of the three
+# simulators keeps a fault. MuJoCo's block hops. Drake's tower sags, with the stiffness that we chose. PyBullet, with
+# its solver as shipped, lets a gently held part sink by centimetres. A comparison that doesn't list its settings
+# compares settings. Ask "which scheme, which step, which contact?" before you ask "which simulator?"
 #
 # </div>
 #
@@ -567,11 +567,11 @@ for label, engine, how in (
 #
 # ### Four contact models
 #
-# Without contact (or a joint limit) there is one right answer. With contact, each engine solves
-# a different problem, on purpose. An ideal rigid body doesn't deform, so its contact force can't be computed from
-# positions, as the force of a spring can. MuJoCo and Drake therefore soften the contact. PyBullet and our code keep it
-# rigid. (PyBullet's tower sinks a little all the same, see section 7.) Then many splits of the load over the four
-# corners of a box can satisfy Coulomb's law, and each solver takes the one that it happens to reach.
+# Without contact (or a joint limit) there is one right answer. With contact, each engine solves a different problem,
+# on purpose. An ideal rigid body doesn't deform, so its contact force can't be computed from positions, as the force
+# of a spring can. MuJoCo and Drake therefore soften the contact. PyBullet and our code keep it rigid. (PyBullet's
+# tower sinks a little all the same, see section 7.) With rigid contact, many splits of the load over the four corners
+# of a box can satisfy Coulomb's law, and each solver takes the one that it happens to reach.
 #
 # The simulation below shows the tower of five cubes, with the engines as shipped. Drake's contact is then at a point.
 # Its tower falls, and its curve leaves the picture:
@@ -675,9 +675,10 @@ more_claims("drake_guarantees", "opened")
 # pick another engine?
 #
 # Most facts come from two charts. The first has ten scenes on four engines at 1 ms. A point shows the error divided by
-# the tolerance of its scene, so below 1 is good enough. (Values below 1e-8 are drawn at 1e-8.) The lower panel shows
-# the computing time divided by MuJoCo's. It includes the calls from Python: one for the whole motion, but in PyBullet
-# one per step (section 6). In tumble, chain and arm, fair settings switch MuJoCo's contacts off, which saves a little.
+# the tolerance of its scene, so below 1 is good enough; as shipped, some exceed 1000. (Values below 1e-8 are drawn at
+# 1e-8.) The lower panel shows the computing time divided by MuJoCo's. It includes the calls from Python: one for the
+# whole motion, but in PyBullet one per step (section 6). In tumble, chain and arm, fair settings switch MuJoCo's
+# contacts off, which saves a little.
 #
 # ![Error divided by tolerance of ten scenes, fair and as shipped, and their cost](../docs/charts/platforms_table.png)
 
@@ -700,7 +701,7 @@ figures(
 # Coulomb's friction. A real contact also yields a little. And in every scene with contact, our step costs over a
 # hundred times MuJoCo's.
 #
-# These are errors at the end of each motion. So a second chart shows the largest error on the way. Its right panels
+# The first chart shows errors at the end of each motion. A second shows the largest error on the way. Its right panels
 # show the share of time without contact (for *brake*, of the time until Coulomb's law stops the block).
 #
 # ![Largest error on the way and time in the air, by scene and engine](../docs/charts/platform_paths.png)
@@ -919,13 +920,13 @@ predict("millions_a_second")
 # with Contact, by Todorov, University of Washington</td> <td>yes; written with Erez and Tassa, sold by Roboti, bought
 # by DeepMind in October 2021, open since May 2022</td> <td>IROS 2012; MuJoCo's manual, Overview, 2026</td></tr>
 # <tr><td>Isaac Sim ray-traces for visual transfer</td> <td>its renderer is RTX; the default mode, *Real-Time 2.0*,
-# traces paths with a neural denoiser; whether a policy transfers is another question</td> <td>its manual, Rendering
-# modes, 2026</td></tr> <tr><td>4,096 environments run on one GPU</td> <td>a setting of examples, not a property of
-# the GPU: 4,096 carts with a pole took 3.3 GB of GPU memory and made 1.1 million environment steps per second on an RTX
-# 4090; 4,096 walking humanoids 6.1 GB and 94,000; 8,192 hands with a cube 6.4 GB and 200,000; 1,024 carts with a camera
-# each 16.7 GB and 50,000</td> <td>Isaac Lab's manual 2.1, Performance
-# benchmarks</td></tr> <tr><td>too slow? Switch from RTX to rasterisation</td> <td>there is no other renderer to
-# switch to; RTX has a mode *Minimal*, with one light and hard shadows, for training</td> <td>the same page</td></tr>
+# traces paths with a neural denoiser; whether a policy (a learned controller) transfers is another question</td>
+# <td>its manual, Rendering modes, 2026</td></tr> <tr><td>4,096 environments run on one GPU</td> <td>a setting of
+# examples, not a property of the GPU: 4,096 carts with a pole took 3.3 GB of GPU memory and made 1.1 million
+# environment steps per second on an RTX 4090; 4,096 walking humanoids 6.1 GB and 94,000; 8,192 hands with a cube 6.4
+# GB and 200,000; 1,024 carts with a camera each 16.7 GB and 50,000</td> <td>Isaac Lab's manual 2.1, Performance
+# benchmarks</td></tr> <tr><td>too slow? Switch from RTX to rasterisation</td> <td>there is no other renderer to switch
+# to; RTX has a mode *Minimal*, with one light and hard shadows, for training</td> <td>the same page</td></tr>
 # <tr><td>Drake is MIT's</td> <td>started by the Robot Locomotion Group there; core development led by the Toyota
 # Research Institute</td> <td>its front page, 2023</td></tr> <tr><td>SOFA has finite elements on the GPU</td>
 # <td>finite elements, yes; the GPU through a plugin, SofaCUDA, that not all components support</td> <td>its README,
@@ -940,7 +941,7 @@ predict("millions_a_second")
 # ### Radar charts: five axes and their area
 #
 # Articles like to compare simulators with a **radar chart**. Several axes start at one centre, one for each measured
-# number. The engine's values on the axes are joined to a polygon. The eye reads its area.
+# number. Lines between an engine's values form a polygon. The eye reads its area.
 
 # %%
 predict("five_numbers")
@@ -981,7 +982,7 @@ table(
 # *Speed in contact* is the cost of a step relative to MuJoCo's. *Largest step* is the largest step [s] that stays
 # within the tolerance; if none that we tried does, the value is at the centre. *Honesty* is the share of faulty models
 # that the engine rejects or warns about; two of these files are ones that URDF allows (section 7). No order of the axes
-# changes the ranking of these four engines by area. With other values, one can.
+# changes the ranking of these four engines by area. With other values, the order can matter.
 #
 # </details>
 #
@@ -1098,7 +1099,7 @@ plt.show()
 
 # %% [markdown]
 # After two seconds the elbow of the first model has wound up by many turns, in the negative direction of its
-# command. The command of a `motor` is a torque. Once the arm has fallen into full turns, a constant torque keeps doing
+# command. The command of a `motor` is a torque. Once the arm makes full turns, a constant torque keeps doing
 # work, and nothing takes the energy away. A real joint has friction and end stops.
 #
 # The position actuator of the third model computes the torque $\tau = k_p\,(q_\mathrm{ref} - q) - k_v\,\dot q$ from
@@ -1156,7 +1157,7 @@ for preset, (scene, card_, fair) in {
 # %% [markdown]
 # Readouts: *ends apart* is the largest distance between the final positions of any two engines; *area of the five* is
 # the area of the radar polygon as a share of the full pentagon. *Cost of a step* is measured as in section 3, at 1 ms.
-# Its values differ a little: brake, tower and grasp are other scenes, and other programs kept the processor busy.
+# Its values differ by up to a third: some scenes differ, and other programs kept the processor busy.
 #
 # ## 6 · Speed against accuracy
 #
@@ -1412,8 +1413,9 @@ print_figures(
 # $\mu = 0.5$ that is 1.96 N. Does an engine drop the part exactly below this force?
 #
 # In the chart, a disc (in the printed lines an o) means *carried*: the part rests, or sinks at a constant speed. A
-# cross (x) means that it *falls*: it accelerates downwards. In a printed line, the squeeze grows to the right. If
-# there is a threshold, the line changes once. (Our code is slow, so it ran at 8 ms only.)
+# cross (x) means that it *falls*: it accelerates downwards. A printed line runs from 0.8 to 3 times Coulomb's force,
+# which lies between the fourth and fifth sign. If there is a threshold, the line changes once. (Our code is slow, so it
+# ran at 8 ms only.)
 #
 # ![Carried or falling, by squeeze and step, for each engine](../docs/charts/platform_grasp.png)
 
@@ -1479,7 +1481,7 @@ print("MuJoCo, over one cube  ", "".join(f"{x / cubes[0]:8.2f}" for x in cubes))
 print("equal springs          ", "".join(f"{theory.sag_growth(n):8g}" for n in (1, 2, 3, 4)))
 
 # %% [markdown]
-# At nearly constant impedance, as here, MuJoCo's tower sinks in proportion to $n^2$ instead. In
+# At nearly constant hardness, as here, MuJoCo's tower sinks in proportion to $n^2$ instead. In
 # MuJoCo, the softness of a contact is proportional to $1/m_1+1/m_2$, where $m_1$ and $m_2$ are the masses of its two
 # bodies. The ground doesn't move, so its mass counts as infinite and adds nothing. So a contact between two equal cubes
 # is twice as soft as the one on the ground, and the sum becomes $n + 2\,(1 + \dots + (n-1)) = n^2$.
@@ -1537,8 +1539,8 @@ world.close()
 # ### A joint limit and a mimic joint
 #
 # In a URDF, the element `limit` says where a joint ends, but not how stiff the stop is. The element `mimic` makes one
-# joint copy another, as in many grippers. All engines got the same two files. In the first, a rod falls on its limit.
-# In the second, two rods swing, and the second joint should turn twice as far as the first.
+# joint copy another, as in many grippers. The three simulators got the same two files. In the first, a rod falls on
+# its limit. In the second, two rods swing, and the second joint should turn twice as far as the first.
 #
 # ![Angle beyond a limit, and error of a mimic joint, in four engines](../docs/charts/platform_joints.png)
 
@@ -1551,7 +1553,7 @@ print_figures("platform_joints", "limit, MuJoCo:", "limit, PyB", "mimic, MuJoCo:
 # damped, and $e \approx 2.72$. PyBullet notices the limit up to one step late, so its rod passes it by up to $v\,h$.
 # Drake's rod stops at the limit. Our own code has neither limits nor copies.
 #
-# PyBullet's reader drops the copy without a message. (*PyBullet with a gear* has it put back by hand.) The lower right
+# PyBullet's reader drops the copy without a message. (In *PyBullet with a gear*, we added it by hand.) The lower right
 # panel shows joint 1, which the copy also pulls: with MuJoCo's soft copy, joint 1 stays 2 mrad off the truth even at
 # short steps. After loading a file, drive each joint into its stops, and check each copy.
 #
@@ -1745,7 +1747,7 @@ print(f"with contacts switched off: {rates[2] / rates[0]:.0f} times")
 #
 # ## 8 · Exercises
 #
-# Graded exercises. `check` runs your cell on freshly sampled cases, and says what is wrong and, where it can, why.
+# `check` grades each exercise on freshly sampled cases, and says what is wrong and, where it can, why.
 
 # %%
 card("real_time_factor")
@@ -1949,9 +1951,9 @@ for (name, settings), one in reach.items():
 # $2\,\omega m - d$. If it is negative, the arm is unstable. So the smallest $m$ sets a limit to $d$: it must stay below
 # $2\,\omega m$.
 #
-# In the cell, the simulated arm has lost its damping. Each row has another $d$, the damping in which the controller
-# believes. (The reach lasts 3 s instead of 1.5 s, so don't compare the errors.) In the cell before, the arm really had
-# the damping in which the controller believed. This was far more than the limit, and did no harm:
+# In the reach above, the arm really had the damping in which the controller believed. It was far above the limit and
+# did no harm. In the next cell, the arm has lost its damping, and each row has another believed $d$. (The reach lasts
+# 3 s instead of 1.5 s, so don't compare the errors.)
 
 
 # %% tags=["hide-code"]
@@ -2013,7 +2015,7 @@ print("written" if len(mine.split()) > 30 else "not written yet: thirty words or
 #
 # *Which scheme and step in each? Which settings were left as shipped? Where did the truth come from?* If both ran the
 # same scheme at the same step, I'd expect nearly the same error as long as nothing touches and no joint meets a limit,
-# rubs or copies another one.
+# has dry friction or copies another.
 #
 # First run: a smooth scene with a closed form, fair settings, at one step and at half of it. Both errors should fall by
 # the same factor, on one line. An engine that leaves the line has another scheme, a default that nobody undid, or a

@@ -77,8 +77,8 @@ def hello_world_winds(result):
     "A joint limit in a MuJoCo model is a wall at which the joint stops.",
     "By default it is a critically damped spring with a time constant T of {ms:.0f} ms. A joint "
     "that arrives with the speed v passes it by about v T / e: a falling rod by {past:.0f} mrad, "
-    "and it came to rest {rest:.2f} mrad beyond. With solreflimit of a quarter, a quarter of it, "
-    "at steps of up to T/8.",
+    "and it came to rest {rest:.2f} mrad beyond. A quarter of this time constant (solreflimit) "
+    "gives a quarter of the overshoot, at steps of up to T/8.",
     source="MuJoCo 4.0 manual, 2026, Modeling, Solver parameters, solref",
 )
 def limit_is_a_wall(result):
@@ -153,7 +153,7 @@ def motor_is_torque(result):
 @claim(
     "Add a damping of 0.1 to the joints, and a model is closer to its robot.",
     "Against a robot of {much:.1f} N m s/rad it takes the error of a swing to {better:.0%}, "
-    "against one of {little:.2f} to {worse:.0%}. A value is worth what it was measured with.",
+    "against one of {little:.2f} to {worse:.0%}. So measure the value.",
 )
 def damping_realism(result):
     import mujoco
@@ -192,7 +192,7 @@ def damping_realism(result):
     result.statement = "Two seconds of a hanging link that was let go at half a radian, or at 2.5."
     result.statement_holds(
         worse < 1.0,
-        only_if="it is less than twice the robot's own, or both are strong",
+        only_if="the added damping is less than twice the robot's own, or both are large",
         inside=inside,
         outside=outside,
     )
@@ -201,9 +201,9 @@ def damping_realism(result):
 
 @claim(
     "Real joints have position servos, so MuJoCo's default position actuator models them well.",
-    "The model gets a spring, not the robot's servo. By small angles it holds a link out {formula} "
-    "too low: with a gain of {stiff:.0f} it hung {droop:.2f} degrees below level, and "
-    "{default:.0f} with {kp:.0f}, the default.",
+    "The model gets a spring, not the robot's servo. At small angles, it lets a horizontal "
+    "link droop by {formula}: by {droop:.2f} degrees with a gain of {stiff:.0f}. With the default, "
+    "{kp:.0f}, the link drooped by {default:.0f}.",
     ask=(
         "A servo of gain kp without an integral holds a link out level, mass m with its centre at "
         "d. How low does it hang, small angles?",

@@ -65,7 +65,7 @@ def engines_agree(result):
     touch = np.ptp(brake) / brake.min()
     along = errors((MUJOCO, DRAKE, PYBULLET), scenes.brake(), dt)
     spread = result.measure("spread", max(np.ptp(row) / row.min() for row in tried), 0.3)
-    result.statement = "All four with fair settings, beside a truth that is tighter."
+    result.statement = "All four with fair settings, compared with a truth that is more accurate."
     result.statement_holds(any(row[2] < 0.9 * row[1] < 0.81 * row[3] for row in tried))
     result.correction_holds(
         spread < 0.01,
@@ -82,8 +82,8 @@ def engines_agree(result):
     "Defaults are part of the model. Those of MuJoCo and Drake change nothing here. PyBullet's "
     "default damping and motors, and inertias that it computes from shapes, multiply its error: "
     "by {tumble:.0f} on a tumbling body, {chain:.0f} on a chain and {arm:.0f} on an arm, compared "
-    "with fair settings. MuJoCo and Drake differ, too, where a joint meets a limit, which each "
-    "stops in its own way, has dry friction, which Drake does not read, or copies another joint.",
+    "with fair settings. MuJoCo and Drake differ, too, at joint limits, at dry friction "
+    "(which Drake does not read) and at joints that copy another.",
     source="PyBullet Quickstart Guide, 2023: changeDynamics, setJointMotorControl2, loadURDF",
     needs=("Drake", "PyBullet"),
 )
@@ -136,8 +136,8 @@ def defaults_differ(result):
     result.statement_holds(
         bool(np.all(apart < 0.01)),
         only_if="nothing touches, no joint meets a limit, has dry friction or copies another one, "
-        "both take the same step, and neither adds damping, motors or other inertias by default, "
-        "as with MuJoCo and Drake",
+        "both take the same step, and neither adds damping, motors or other inertias by default "
+        "(MuJoCo and Drake add none)",
         inside=[*(apart[:, 0] < 0.01), alike(viscous)],
         # Chosen to break it: what a URDF may also say of a joint.
         outside=[*(apart[:, 1] < 0.01), *(alike(text) for text in (limited, rubbing, copied))],
@@ -155,11 +155,11 @@ def defaults_differ(result):
 @claim(
     "With fair settings, where nothing touches and no joint meets a limit or copies another one, "
     "half the step leaves about half the error in each engine's default scheme.",
-    "Each default scheme is of first order: on a tumble and a short fall the four came to "
-    "{lowest:.3f} to {highest:.3f}. MuJoCo's RK4 is of order {rk4:.1f}. With "
-    "settings as shipped this fails: half the step left {left:.1%} of PyBullet's error on the "
-    "tumble, because its damping is no error of the step. MuJoCo's joint limits and copied joints "
-    "are soft springs, and what they yield does not shrink with the step.",
+    "Each default scheme is of first order: on a tumble and a short fall the four orders were "
+    "{lowest:.3f} to {highest:.3f}. MuJoCo's RK4 is of order {rk4:.1f}. With settings  as shipped "
+    "this fails: half the step left {left:.1%} of PyBullet's error on the tumble, because its "
+    "damping is no error of the step. MuJoCo's joint limits and copied joints are soft springs, "
+    "and what they yield does not shrink with the step.",
     needs=("Drake", "PyBullet"),
 )
 def halving_halves(result):
@@ -320,10 +320,10 @@ def fresh_worlds_repeat(result):
 
 
 @claim(
-    "Resetting the world is as good as building it anew.",
+    "Resetting the world is as good as building it from scratch.",
     "A reset puts back what it knows of. PyBullet's resetBasePositionAndOrientation leaves the "
-    "contacts that are cached: a block's second run ended {off:.1f} millionths [m, m/s] off. Put "
-    "far away in between, where they are dropped, it ran as before, bit by bit. MuJoCo's "
+    "contacts that are cached: a block's second run ended {off:.1f} millionths [m, m/s] off. Moved "
+    "far away in between, which drops the contacts, the block ran as before, bit by bit. MuJoCo's "
     "mj_resetData resets the whole state, but not a mass or friction that you changed in its "
     "model. An integrator of Drake that chooses its steps goes on with the last one: after the "
     "state was put back, a chain ended {chain_rad:.0e} rad off.",

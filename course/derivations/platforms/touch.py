@@ -320,7 +320,8 @@ def grasp_threshold(result):
     )
     result.statement_holds(
         max(deep, held) < 1.0,
-        only_if="pads share their load and friction hardly creeps, as in MuJoCo with fair settings",
+        only_if="the corners of a finger share its load, and friction hardly creeps, as in MuJoCo "
+        "with fair settings",
         inside=[sinks(mujoco, *map(float, x)) < 1.0 for x in (*draws, *close)],
         outside=[*(sinks(bullet, *map(float, x)) < 1.0 for x in draws), *soft],
     )
@@ -339,7 +340,7 @@ def grasp_threshold(result):
     "Two materials slide on each other with the same coefficient in every simulator.",
     "Each mixes the two by a rule of its own. Of {a:.1f} and {b:.1f} MuJoCo makes {mujoco:.2f}, "
     "the larger (at equal priority), Drake {drake:.2f}, 2 a b/(a + b), and PyBullet "
-    "{pybullet:.2f}, a b. Even of twice {same:.1f} PyBullet makes {twice:.2f}.",
+    "{pybullet:.2f}, a b. Of {same:.1f} and {same:.1f} PyBullet makes {twice:.2f}.",
     source="MuJoCo 4.0 manual, 2026, Computation, Contact parameters; Drake 1.51, 2026, "
     "CoulombFriction; PhysX 5 documentation, 2025: the average unless another combine mode is set",
     needs=("PyBullet",),
@@ -400,9 +401,9 @@ def friction_rules(result):
 @claim(
     "Drake's contact model is hydroelastic.",
     "That is what its plant tries first. Shapes without properties for it, which is how they come, "
-    "fall back to one point a pair: a tower of two cubes has {point:.0f} contacts and is "
-    "{sunk:.0f} mm low after a second, with patches {patch:.2f} mm. So does a pair of which only "
-    "one shape has such properties, or both are rigid.",
+    "fall back to one point per pair: a tower of two cubes has {point:.0f} contacts and sinks "
+    "{sunk:.0f} mm in a second; with patches, {patch:.2f} mm. A pair falls back, too, if only one "
+    "of its shapes has such properties, or if both are rigid.",
     source="Drake 1.51, 2026, Hydroelastic Contact User Guide",
     needs=("Drake",),
 )
@@ -504,7 +505,7 @@ def _fallen(engine, scene, settings):
     "A tower of n cubes sinks n (n + 1)/2 times as far as one, whatever the engine.",
     "That takes equal springs. With {n:.0f} cubes it is {mujoco:.2f} times in MuJoCo and "
     "{drake:.2f} in Drake with patches, so n^2: on rigid ground half of the compliance is missing. "
-    "PyBullet follows no power of n, and its factor depends on the step: it is {pybullet:.1f}.",
+    "PyBullet's factor, here {pybullet:.1f}, follows no power of n and depends on the step.",
     needs=("Drake", "PyBullet"),
 )
 def tower_by_engine(result):
