@@ -256,7 +256,7 @@ simulation("touch", "Tunnelling")
 #
 # The chart shows the lowest speed at which the ball passes. If overlap is *checked once a step*, that speed lies at
 # the geometric limit $(2r+w)/h$, the sloping line. The dotted line is the predicted speed at which the ball gets past
-# the middle of the wall. We tried a list of speeds. With *MuJoCo, default*, it passes at the first or second tested
+# the middle of the wall. We tried a list of speeds. With *MuJoCo, default*, the ball passes at the first or second
 # speed above this line, at every step. *MuJoCo, speculative* creates the contact one step before touch (a
 # **speculative** contact), which helps only at long steps. A ball that is *advanced to the impact* never passed. (A
 # triangle at the top says that no tested speed passed.)
